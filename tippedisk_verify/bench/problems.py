@@ -60,7 +60,9 @@ class Problem:
 
     @property
     def scalar_rhs(self) -> Callable[[object, Any], Any]:
-        """The function of ``source("python")``, the same object whenever the text is the same."""
+        """The function ``rhs(t, y)`` of ``source("python")``, the same object whenever the text is
+        the same.
+        """
         return _function(self.source("python"))
 
     def source(self, language: Language) -> str:
@@ -68,8 +70,8 @@ class Problem:
         compiled.
 
         Args:
-            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which returns a tuple
-                and which numba compiles as it is; ``"c"`` for ``void rhs(double t, const double *y,
+            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions. It returns a tuple,
+                and numba compiles it as it is. ``"c"`` for ``void rhs(double t, const double *y,
                 double *rates)`` with ``math.h``.
         """
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)

@@ -71,7 +71,9 @@ def race(
     answers: Sequence[str | Path] = (),
     progress: bool | None = None,
 ) -> Race:
-    """Race integrators of one's own against the suite's and SciPy's, interleaved, warm.
+    """Race integrators of one's own against the suite's and SciPy's.
+
+    The methods run in turns, and warm runs are timed.
 
     Args:
         solvers: By name, functions of a problem and a relative tolerance that return the states (n,
