@@ -338,7 +338,7 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """Yield the family's cycles at a speed [rad/s] as `Place`s, from the smallest first
+        """Yield the family's cycles at a speed [rad/s] as `Place` objects, from the smallest first
         coordinate on.
         """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
