@@ -428,7 +428,8 @@ def family(
         engine: The engine of the flights.
         paper_sets: If True, take the paper's speeds.
         omegas: The speeds [rad/s], positive decimals; None for the overview.
-        half_widths: If False, the numbers have no half-widths.
+        half_widths: If False, the numbers have no half-widths. The overview always has them. So do
+            a hundred or more speeds of the linear law, except those that are solved alone.
 
     Raises:
         InputError: If a speed is not a positive decimal, or there are too many.
