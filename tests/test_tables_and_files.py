@@ -199,7 +199,7 @@ def test_a_saved_number_is_a_decimal_that_another_program_reads(tmp_path: Path) 
         (lambda text: text.replace("result 1", "result 0"), "is not a file with the format"),
         (lambda text: text.replace('"LimitCycle"', '"Orbit"'), "KeyError: 'Orbit'"),
         (lambda text: text.replace('"period"', '"perio"'), "KeyError: 'period'"),
-        (lambda text: text.replace('"30.4"', '"thirty"'), "is damaged, or no saved result"),
+        (lambda text: text.replace('"30.4"', '"thirty"'), "is damaged, or not a saved result"),
         (lambda text: text.replace('"30.4"', '"1e99999"'), "a decimal exponent beyond"),
         (lambda text: text.replace('"30.4"', '"1/0"'), "ZeroDivisionError"),
         (lambda text: text.replace('"0.045"', '"-1"'), "parameter r must be positive"),

@@ -59,7 +59,7 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
 
 
 def test_a_message_names_the_period_at_which_double_drowns(taylor) -> None:
-    with pytest.raises(NoSuchCycleError, match="drowns in rounding"):
+    with pytest.raises(NoSuchCycleError, match="rounding swamps"):
         list(lengthened(PRINTED, first_of(PRINTED, taylor)[1], taylor, longest=14.0))
 
 

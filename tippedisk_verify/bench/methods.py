@@ -81,7 +81,9 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
 def _engine(
     make: Callable[..., Engine], *options: str, **more: bool
 ) -> Callable[[Problem, float], Prepared]:
-    """Return a `prepare` that makes a new engine for each problem and tolerance."""
+    """Return a function for `Method.prepare` that makes a new engine for each problem and
+    tolerance.
+    """
     return lambda problem, tolerance: _by_engine(
         make(*options, **more), problem, tolerance=tolerance
     )
@@ -101,12 +103,18 @@ def _beyond_double(problem: Problem, precision: str) -> Prepared:
 
 
 def _with_half_widths(problem: Problem, digits: int) -> Prepared:
-    """Integrate as `Disk.integrate` does: estimate the error, and beyond 12 digits remove it."""
+    """Prepare a run like that of `Disk.integrate`.
+
+    It estimates the error, and beyond 12 digits removes it.
+    """
     return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 
 def _bare(problem: Problem, name: str) -> Prepared:
-    """Integrate with heyoka as its manual shows, to see what this package adds to the time."""
+    """Prepare a run of heyoka alone, as its manual shows.
+
+    It shows the time that this package adds.
+    """
     precision = _PRECISIONS[name]
     constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
     hy, state, rates = _in_symbols(
@@ -138,7 +146,10 @@ def _bare(problem: Problem, name: str) -> Prepared:
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
-    """Return heyoka, the symbols of the state, and a formula of the linear law in them."""
+    """Return the heyoka module, the symbols of the state, and a formula evaluated in these symbols.
+
+    The formula takes the functions, the constants, the speed and the law, which is the linear one.
+    """
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
     constants = problem.parameters.at(DOUBLE)

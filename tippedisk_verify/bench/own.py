@@ -36,7 +36,7 @@ def method_of(
     tolerances: Sequence[float] = TOLERANCES,
     clock: Callable[[], float | None] | None = None,
 ) -> Method:
-    """Return a user's integrator as a competitor.
+    """Return a user's integrator as a method of the race.
 
     Args:
         name: The name in the legend.
@@ -59,7 +59,7 @@ def method_of(
 
 
 def states_of(answer: Any, problem: Problem) -> Any:
-    """Return an integrator's answer as an array.
+    """Return an integrator's answer as an array (n, 3).
 
     Raises ValueError unless it has a finite state for each time.
     """
@@ -73,7 +73,8 @@ def states_of(answer: Any, problem: Problem) -> Any:
 
 
 def question(problem: Problem, tolerance: float) -> dict[str, Any]:
-    """Return what a program over pipes is asked, as data for one line of JSON.
+    """Return a problem and a tolerance as data for one line of JSON, the question to a program over
+    pipes.
 
     All numbers are doubles. The order of the keys is kept, for programs without a reader of JSON.
     """
@@ -99,8 +100,7 @@ def scores_of(name: str, text: str) -> list[Score]:
             at the end).
 
     Raises:
-        InputError: For a file without these columns, an unknown problem or an entry that is not a
-            number.
+        InputError: If a column is missing, a problem is unknown, or an entry is not a number.
     """
     rows = list(csv.DictReader(text.splitlines()))
     columns = set(rows[0]) if rows else set()

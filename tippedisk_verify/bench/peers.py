@@ -150,7 +150,7 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
     return prepare
 
 
-#: Each with the package that it needs.
+#: The peers, each with the module that it needs.
 PEERS = (
     ("sksundae", Method("CVODE BDF", "cvode", _TOLERANCES, _cvode("BDF"))),
     ("sksundae", Method("CVODE Adams", "cvode", _TOLERANCES, _cvode("Adams"))),

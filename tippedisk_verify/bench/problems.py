@@ -60,7 +60,9 @@ class Problem:
 
     @property
     def scalar_rhs(self) -> Callable[[object, Any], Any]:
-        """The function of ``source("python")``, the same object whenever the text is the same."""
+        """The function ``rhs(t, y)`` of ``source("python")``, the same object whenever the text is
+        the same.
+        """
         return _function(self.source("python"))
 
     def source(self, language: Language) -> str:
@@ -68,8 +70,8 @@ class Problem:
         compiled.
 
         Args:
-            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions, which returns a tuple
-                and which numba compiles as it is; ``"c"`` for ``void rhs(double t, const double *y,
+            language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions. It returns a tuple,
+                and numba compiles it as it is. ``"c"`` for ``void rhs(double t, const double *y,
                 double *rates)`` with ``math.h``.
         """
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
@@ -154,7 +156,7 @@ def _function(source: str) -> Callable[[object, Any], Any]:
 
 @dataclass(frozen=True)
 class Truth:
-    """The true samples."""
+    """The true states of a problem at its sample times."""
 
     samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
     uncertainty: float  #: the largest half-width
@@ -235,7 +237,7 @@ def problem_named(name: str) -> Problem:
 
 @lru_cache(maxsize=16)
 def truth_of(problem: Problem, sharp: bool = True) -> Truth:
-    """Compute the true samples.
+    """Compute the true states of a problem at its sample times, with half-widths.
 
     Args:
         problem: The problem.

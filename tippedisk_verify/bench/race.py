@@ -134,7 +134,8 @@ def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
 def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
     """Prepare a method, and run it once cold and once warm, at each setting.
 
-    After a long run, the tighter settings are left out.
+    Returns an entry for each setting. After a long run, the tighter settings are left out, and
+    their status says so.
     """
     entries = []
     longest = 0.0
@@ -191,7 +192,8 @@ def _errors(
 ) -> tuple[float | None, float | None]:
     """Return the largest errors at the ends and at the samples.
 
-    The true values are exact, so differences are exact in any precision.
+    Both are None if samples are missing. The true values are exact, so differences are exact in any
+    precision.
     """
     if len(outcome.samples) != len(truth.samples):
         return None, None

@@ -24,7 +24,7 @@ __all__ = ["cycle_above", "rotating_below"]
 
 C = TypeVar("C", bound=Cycle)
 
-_MOST_ZEROS = 800  # the most zeros after the point of a distance from Omega_h
+_MOST_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
 @undisturbed
@@ -111,12 +111,15 @@ def _next_to_omega_h(
 
 
 def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
-    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h."""
+    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h.
+
+    Raises NoSuchCycleError if the piece lies on the other side of Omega_h.
+    """
     omega_h = disk_locator.omega_h
     if section is ROTATING:
         return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
     if criticality(disk_locator.parameters) == "supercritical" and disk_locator.attracts:
-        # Mostly there is no fold, and those there are lie in between.
+        # Mostly there is no fold, and any fold lies in between.
         return omega_crit(disk_locator.parameters, 20).value - omega_h
     (_, start), (_, end) = disk_locator.family.ends[-2:]
     if start < end:
@@ -131,8 +134,8 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
 def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
     """Return a distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs.
 
-    ``digits`` are those wanted of the cycle. Raises InputError unless the distance is a positive
-    decimal that is not too small.
+    ``digits`` is the number of digits wanted of the cycle. Raises InputError unless the distance is
+    a positive decimal that is not too small for these digits.
     """
     distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
@@ -141,7 +144,7 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
         )
     digits = checked_digits(digits)
     value = distance.rational
-    # Of huge integers too
+    # math.log10 takes huge integers too
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
     if zeros > _MOST_ZEROS:
         raise InputError(

@@ -28,7 +28,10 @@ __all__ = ["cycle_at", "cycles_at", "rotating_cycle"]
 
 
 def _locator(parameters: Parameters, engine: Engine) -> Locator:
-    """Return the disk's locator. Most speeds do not need it, nor the families that it loads."""
+    """Return the disk's `Locator`, which is cached.
+
+    It is imported here, because most speeds need neither it nor the families that it loads.
+    """
     from tippedisk_verify.cycles.locator import locator
 
     return locator(parameters, engine)

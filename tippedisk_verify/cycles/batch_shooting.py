@@ -39,13 +39,13 @@ _FIRST, _OMEGA = 0, 3
 
 @dataclass(frozen=True)
 class BatchCycles:
-    """n limit cycles of a section in double. ``cycles[name]`` is a number of each, (n,), NaN where
-    Newton failed.
+    """n limit cycles of a section in double. ``cycles[name]`` is the array (n,) of one number, NaN
+    where Newton's iteration failed.
 
     The names are omega, the section's `numbers` and the trivial multiplier's defect.
     ``log_multipliers`` is the sum of both logarithms, which is the integral of the divergence.
-    ``residual`` is |image of the flight's end - start| of (beta_bar, gamma_bar, v / 10), summed
-    [rad].
+    ``residual`` is the sum of |image of the flight's end - start| over beta_bar, gamma_bar and v /
+    10 [rad].
     """
 
     section: Section[Any]
@@ -59,12 +59,12 @@ class BatchCycles:
 
     @property
     def coordinate(self) -> Array:
-        """The section's first coordinate."""
+        """The section's first coordinate of each cycle (n,)."""
         return self.numbers[self.section.names[0]]
 
     @property
     def slope(self) -> Any:
-        """|dOmega / d(first coordinate)| along the family."""
+        """|dOmega / d(first coordinate)| along the family at each cycle (n,)."""
         return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
 
     @property
@@ -145,7 +145,8 @@ class _Step(NamedTuple):
 
 
 class _SectionBatch:
-    """The runs of one section with constants (n, 6).
+    """Newton's iteration for n cycles of one section at once, each with constants of its own (n,
+    6).
 
     The unknown (n, 4) numbered ``held`` is fixed.
     """
@@ -243,8 +244,10 @@ class _SectionBatch:
         )
 
     def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
-        """Return the section's measures, and the integral of the ``divergence`` over a flight, of
-        these runs.
+        """Return the section's measures, and the integral of the ``divergence`` over a flight, by
+        name.
+
+        ``runs`` are the indices (k,) of the runs, and the numbers are arrays (k,).
         """
         states = unknowns[runs]
         flights = self._lanes(
@@ -267,7 +270,7 @@ class _SectionBatch:
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
-    """Return the field (n, 3) at shifted states."""
+    """Return the field (n, 3) of the linear law at shifted states (n, 3)."""
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
     return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)

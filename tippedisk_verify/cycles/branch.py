@@ -123,7 +123,9 @@ class Branch(Printable):
 
     @classmethod
     def of(cls, cycles: Iterable[LimitCycle | MissingCycle]) -> Branch:
-        """Return the branch of these cycles.
+        """Collect cycles into a branch, with their numbers and half-widths as arrays.
+
+        A number that a row does not have is NaN.
 
         Args:
             cycles: The cycles in the order of the speeds.
@@ -145,7 +147,7 @@ class Branch(Printable):
 
     @property
     def missing(self) -> tuple[MissingCycle, ...]:
-        """The speeds at which no cycle was found."""
+        """A `MissingCycle` for each speed at which no cycle was found."""
         return tuple(row for row in self.cycles if isinstance(row, MissingCycle))
 
     @property
@@ -161,7 +163,7 @@ class Branch(Printable):
         Of a family that cannot be followed only the Hopf point is known.
 
         Raises:
-            AccuracyError: A fold does not have 12 digits.
+            AccuracyError: If a fold does not have 12 digits.
         """
         disk, zero = (
             locator(found(self.cycles)[0].parameters, default_engine()),
@@ -187,11 +189,11 @@ class Branch(Printable):
 
         Args:
             point: One of `points`, or its name.
-            count: The number of cycles. None are on a piece that is too short for doubles.
+            count: The number of cycles. A piece that is too short for doubles has none.
 
         Raises:
-            InputError: The family does not go on from there, or ``count`` is not 2 to 1,000,000.
-            NoSuchCycleError: The family cannot be followed.
+            InputError: If the family does not go on from there, or ``count`` is not 2 to 1,000,000.
+            NoSuchCycleError: If the family cannot be followed.
         """
         going_on = [special.name for special in self.points if special.name != "Omega_h"]
         name = getattr(point, "name", point)
@@ -222,7 +224,7 @@ class Branch(Printable):
             Both axes: of beta_max and of the period.
 
         Raises:
-            AccuracyError: As for `points`.
+            AccuracyError: If a fold of the family does not have 12 digits.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -272,7 +274,7 @@ class Branch(Printable):
         this rounding. A speed without a cycle has only ``omega`` and the reason as ``status``.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         return data_frame(
             [
@@ -310,7 +312,9 @@ class Branch(Printable):
         return {"orbits": as_json(self.cycles)}
 
     def _rows(self) -> list[list[str]]:
-        """Return a heading and the numbers of the first and last cycles, in at most ten lines."""
+        """Return rows of text: a heading and the numbers of the first and last cycles, at most ten
+        rows.
+        """
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN]
         rows = (
@@ -339,7 +343,10 @@ def _abscissa(place: LimitCycle | SpecialPoint) -> float:
 
 
 def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
-    """Return the stability of the first cycle among neighbours on the family."""
+    """Return the stability of the first limit cycle among these places; special points are skipped.
+
+    Returns None if there is no limit cycle, or if its stability is uncertain.
+    """
     return next((place.stable for place in places if isinstance(place, LimitCycle)), None)
 
 
@@ -359,7 +366,7 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
         rows: Cycles and missing cycles.
 
     Raises:
-        Exception: The error of the first row, if no row is a cycle.
+        Exception: If no row is a cycle: the error of the first row.
     """
     kept = list(rows)
     if kept and isinstance(kept[0], MissingCycle) and not found(kept):
@@ -410,8 +417,8 @@ def family(
     omegas: Sequence[object] | None = None,
     half_widths: bool = True,
 ) -> Iterator[LimitCycle | MissingCycle]:
-    """Return the paper's 801 cycles, those at given speeds, or an overview from the Hopf point to
-    the connection.
+    """Return an iterator of cycles: the paper's 801, those at given speeds, or an overview from the
+    Hopf point to the connection.
 
     A speed at which several cycles coexist gives all of them, from the smallest amplitude on. A
     speed without a cycle gives a `MissingCycle`.
@@ -421,7 +428,8 @@ def family(
         engine: The engine of the flights.
         paper_sets: If True, take the paper's speeds.
         omegas: The speeds [rad/s], positive decimals; None for the overview.
-        half_widths: If False, the numbers have no half-widths.
+        half_widths: If False, the numbers have no half-widths. The overview always has them. So do
+            a hundred or more speeds of the linear law, except those that are solved alone.
 
     Raises:
         InputError: If a speed is not a positive decimal, or there are too many.
@@ -500,7 +508,7 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
 def _piece(disk_locator: Locator, piece: int, count: int) -> Iterator[LimitCycle]:
     """Yield ``count`` cycles on a piece of the family, closer together towards its ends.
 
-    They stay away from the ends as `_overview` says. None are on a piece that is too short.
+    They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """
     (_, begin), (name, end) = disk_locator.family.ends[piece : piece + 2]
     margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
@@ -521,12 +529,12 @@ def _piece(disk_locator: Locator, piece: int, count: int) -> Iterator[LimitCycle
 def rotating_branch(
     parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
 ) -> Iterator[RotatingCycle | MissingCycle]:
-    """Return the family in double: at each speed the stable cycle, then the unstable one; or an
-    overview.
+    """Return an iterator of rotating cycles: at each speed the stable one, then the unstable one;
+    or an overview.
 
-    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit.
-    From a hundred speeds on those of the linear law are taken as doubles and solved together. A
-    speed without a cycle gives a `MissingCycle`.
+    The overview goes from just below Omega_h through the fold to half a rad/s above Omega_crit. A
+    hundred or more speeds of the linear law are rounded to doubles and solved together. A speed
+    without a cycle gives a `MissingCycle`.
 
     Args:
         parameters: The disk and its friction law.
@@ -548,7 +556,8 @@ def rotating_branch(
 
 
 def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
-    """Yield an overview of the rotating cycles.
+    """Yield an overview of the rotating cycles: stable ones from Omega_h down to the fold, then
+    unstable ones upward.
 
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """

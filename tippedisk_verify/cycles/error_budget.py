@@ -176,7 +176,8 @@ def _by_twins(
     """Return the cycle in double, or in an arithmetic a little wider, with half-widths from draws
     in double.
 
-    None if the wider iteration does not settle, or stalls above the level that rounding explains.
+    Returns None if the wider iteration does not settle, or stalls above the level that rounding
+    explains.
     """
     if precision == DOUBLE:
         numbers, doubt = doubles[0], dict[str, Fraction]()
@@ -192,7 +193,10 @@ def _by_twins(
 
 
 def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
-    """Return the first main result that has fewer digits than wanted, with this factor to spare."""
+    """Return the name of the first main number with too few digits, or None.
+
+    A half-width times ``to_spare`` must lie within the digits wanted.
+    """
     for name in ("period", *cycle.coordinates, "beta_max"):
         measured: Measured = getattr(cycle, name)
         if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
@@ -201,7 +205,7 @@ def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
 
 
 def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
-    """Return the result, its numbers in this arithmetic."""
+    """Return the cycle of a fixed point, with these numbers and the name of their arithmetic."""
     return_map = fixed_point.return_map
     return cycle_of(
         return_map.section,
@@ -217,7 +221,7 @@ def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precisi
 def cycle_of(
     section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any
 ) -> C:
-    """Return the cycle with these numbers.
+    """Return the cycle with these numbers, and decide its stability.
 
     Args:
         section: The section of the kind of cycle.
@@ -324,7 +328,8 @@ def half_widths_by_twins(
 def half_widths_by_wider_run(
     rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
 ) -> dict[str, Measured]:
-    """Return the rough numbers with half-widths from the sharp ones, and from the error of these.
+    """Return the rough numbers, with half-widths from their distance to the sharp ones and the
+    sharp ones' own error.
 
     The two runs show how far the other numbers move with the state.
 
@@ -379,8 +384,10 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 def _sharpened(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
-    """Return all numbers of the cycle, the errors of its point and period that the iteration
-    leaves, and its end.
+    """Solve for the cycle in an arithmetic.
+
+    Returns its numbers by name, the errors of its point and period that the iteration leaves, and
+    the fixed point in that arithmetic.
 
     Raises AccuracyError if the iteration does not settle.
     """
@@ -410,7 +417,7 @@ def settled(
     Newton's steps then follow. If one of these is not half of the one before, only rounding is
     left.
 
-    Returns the point, and the step at which it stalled.
+    Returns the point, and the sizes of the step at which it stalled, 0 if it did not.
 
     Raises AccuracyError if neither happens, or if the iteration shrinks towards the equilibrium.
     """

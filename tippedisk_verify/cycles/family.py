@@ -1,4 +1,5 @@
-"""A family of limit cycles, librating or rotating, by the first coordinate on its section.
+"""A family of limit cycles, librating or rotating, with the first coordinate on its section as the
+parameter.
 
 Omega may turn round along a family; the first coordinate does not. The abscissa is s, with
 
@@ -45,8 +46,9 @@ _SETTLED = 1e-9  # a relative step after which only rounding is left
 
 
 class Solved(NamedTuple):
-    """Cycles of chosen first coordinates as (n,) arrays; NaN where the search failed. Slopes are by
-    that coordinate.
+    """Cycles of chosen first coordinates, as arrays (n,). They are NaN where the search failed.
+
+    Slopes are derivatives with respect to the first coordinate.
     """
 
     second: Array  #: the section's other coordinate [rad/s]
@@ -57,8 +59,8 @@ class Solved(NamedTuple):
     omega_slope: Array
 
 
-#: A function of the first coordinate, the second one, the flight time and Omega, as (n,) arrays.
-#: The first is fixed, the others are guesses.
+#: A function that solves for cycles. Its arguments are the first coordinate, the second one, the
+#: flight time and Omega, as arrays (n,). The first is fixed, the others are guesses.
 Solver = Callable[[Array, Array, Array, Array], Solved]
 
 
@@ -77,7 +79,8 @@ class Place:
 
     @classmethod
     def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
-        """Return the place of the cycle that doubles cannot separate from the connection.
+        """Return a `Place` without coordinates (NaN), for a cycle that doubles cannot separate from
+        the connection.
 
         Args:
             omega: The speed [rad/s].
@@ -101,8 +104,8 @@ class Family:
         nodes: The number of nodes of a panel.
         middle: The first coordinate at s = 0 [rad].
         half: The factor of tanh(s) in the first coordinate [rad].
-        begin: One cycle: s, second coordinate / first, flight time, Omega, and their derivatives by
-            s.
+        begin: One cycle: s, second coordinate / first, flight time, Omega, and the derivatives of
+            the last three with respect to s.
 
     Raises:
         NoSuchCycleError: If the family cannot be followed.
@@ -140,7 +143,7 @@ class Family:
         return self._middle + self._half * numpy.tanh(s)
 
     def coordinate_rate(self, s: Any) -> Any:
-        """Return the derivative of the first coordinate by the abscissa [rad]."""
+        """Return the derivative of the first coordinate with respect to the abscissa [rad]."""
         return self._half / numpy.cosh(s) ** 2
 
     def abscissa(self, coordinate: Any) -> Any:
@@ -149,7 +152,7 @@ class Family:
 
     # ----------------------------------------------------------------------------------- the panels
     def extend(self) -> None:
-        """Add one more panel.
+        """Solve for the cycles on the nodes of one more panel, and add it.
 
         Raises:
             NoSuchCycleError: If the family is lost.
@@ -181,8 +184,9 @@ class Family:
         )
 
     def _between(self, rows: Array, target: float) -> Array:
-        """Add more cycles on the way to a node that was not reached. The last of them is halfway
-        there.
+        """Return the rows with more cycles, on the way to an abscissa that was not reached.
+
+        The last of them is halfway there. Raises NoSuchCycleError if the family is lost.
         """
         begin = rows[-1, 0]
         if target - begin < _NEXT_TO_A_NODE:
@@ -195,8 +199,11 @@ class Family:
         return numpy.concatenate((rows, group))
 
     def _solved(self, s: Array, rows: Array) -> Array:
-        """Return rows as those of the panels, up to the first abscissa that has no cycle of the
-        family.
+        """Solve for the cycles at abscissas (n,), and return them as rows (k, 7) like those of the
+        panels.
+
+        ``rows`` are cycles already solved, from which guesses are extrapolated. The result ends
+        before the first abscissa that has no cycle of the family.
         """
         guess = self._guess(s, rows)
         x, rate = self.coordinate(s), self.coordinate_rate(s)
@@ -211,8 +218,9 @@ class Family:
         return new[: int(numpy.argmin(numpy.append(good, False)))]
 
     def _guess(self, s: Array, rows: Array) -> Any:
-        """Return second coordinate / first, flight time and Omega (3, n) on the polynomials through
-        the last rows.
+        """Predict second coordinate / first, flight time and Omega, (3, n), at abscissas (n,).
+
+        Polynomials through the last rows give them.
         """
         last = rows[-_GROUP:]
         offset, size = last[:, 0] - s[0], last[-1, 0] - last[0, 0] + s[0] - last[-1, 0]
@@ -230,8 +238,8 @@ class Family:
     # ---------------------------------------------------------------------------------- its numbers
     @property
     def nodes(self) -> Array:
-        """The rows (n, 7) of all nodes: s, second coordinate / first, flight time, Omega and their
-        slopes by s.
+        """The rows (n, 7) of all nodes: s, second coordinate / first, flight time, Omega, and the
+        derivatives of the last three with respect to s.
         """
         return self._panels.reshape(-1, 7)
 
@@ -286,7 +294,10 @@ class Family:
 
     @cached_property
     def _sampled(self) -> list[tuple[Array, Array]]:
-        """Omega, rising, and s on each piece: the starts of the inversion."""
+        """Samples of Omega in rising order, and of s, for each piece.
+
+        They start the inversion of Omega(s).
+        """
         samples = []
         for low, high in pairwise(self.breaks):
             # Closer together towards both ends, at which Omega may be flat.
@@ -313,7 +324,7 @@ class Family:
             s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
             inside = numpy.isfinite(s)
             root, wanted = s[inside], omegas[inside]
-            # Next to a fold each of the first ones halves the error only
+            # Next to a fold each of the first steps only halves the error
             for _ in range(_MOST_STEPS):
                 before, (_, _, omega, slope) = root, self.at(root)
                 with numpy.errstate(divide="ignore", invalid="ignore"):
@@ -327,13 +338,15 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """Yield the family's cycles at a speed [rad/s], from the smallest first coordinate on."""
+        """Yield the family's cycles at a speed [rad/s] as `Place` objects, from the smallest first
+        coordinate on.
+        """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.place(float(s), piece)
 
     def place(self, s: float, piece: int = 0) -> Place:
-        """Return the cycle at an abscissa of a piece."""
+        """Return the family's cycle at an abscissa of a piece, as a `Place`."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
         return Place((first, ratio * first), omega, piece, self.falls[piece], flight)

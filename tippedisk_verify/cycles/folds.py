@@ -154,7 +154,7 @@ def libration_folds(
 ) -> Folds:
     """Return the folds of the librating limit cycles from the Hopf point on; often there are none.
 
-    They are those that `LibratingFamily` passes.
+    They are the folds that `LibratingFamily` passes.
 
     Args:
         parameters: The disk and its friction law.
@@ -208,10 +208,9 @@ def _parity_of_folds(parameters: Parameters, omega_h: float) -> int:
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """Return the point of the section and the speed near which a small fold lies, by the law of
-    fourth order.
+    """Return the point of the section and the speed near which a small fold lies.
 
-    None if there is no small fold.
+    The law of fourth order predicts them. Returns None if there is no small fold.
     """
     quadratic, quartic = map(float, amplitude_law(parameters))
     square = -quadratic / (2 * quartic) if quartic else 0.0

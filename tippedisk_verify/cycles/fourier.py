@@ -40,7 +40,7 @@ from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_d
 
 __all__ = ["MOST_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
 
-MOST_SAMPLES = 2048  #: the most samples of a collocation
+MOST_SAMPLES = 2048  #: the largest number of samples of a collocation
 
 _SPARE = 20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
 _COMPLEX_STEP = 1e-40  # rad/s; a complex step this small differentiates without cancellation
@@ -73,7 +73,7 @@ class Kind(Enum):
 
 
 class Collocation:
-    """The equations at n samples, in double or in mpmath numbers.
+    """The collocation equations of a cycle at n samples, in double or in mpmath numbers.
 
     Args:
         parameters: The disk, under an analytic friction law.
@@ -116,7 +116,7 @@ class Collocation:
         )
 
     def differentiated(self, samples: Any) -> Any:
-        """Return the derivative of a function by the angle, at the samples."""
+        """Return the derivative of a function with respect to the angle, at the samples."""
         return self._applied(self.slope, samples)
 
     def _applied(self, rows: Any, samples: Any) -> Any:
@@ -155,13 +155,15 @@ class Collocation:
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
     def slopes(self, point: Any) -> tuple[Any, Any, Any]:
-        """Return the acceleration's derivatives by beta, gamma and v at the samples."""
+        """Return the acceleration's derivatives with respect to beta, gamma and v, each at the
+        samples (n,).
+        """
         derivatives = jacobian(self._ops, self.constants, point[-1], self.parameters.law)
         by_beta, by_gamma, by_v = derivatives(point[:-2], *self.motion(point))[2]
         return by_beta, by_gamma, by_v
 
     def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
-        """Return the derivatives of gamma and v at fixed Omega.
+        """Return the derivatives of gamma and v (n,) in a direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).
@@ -173,7 +175,7 @@ class Collocation:
         return omega / frequency * self._applied(self.integral, tilt), rate
 
     def along(self, point: Any, change: Any) -> Any:
-        """Return the residual's derivative (n + 1,) in such a direction.
+        """Return the residual's derivative (n + 1,) in a direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).
@@ -191,7 +193,7 @@ class Collocation:
         )
 
     def matrix(self, point: Any) -> Any:
-        """Return the residual's derivative by the point, in double: (n + 1, n + 2)."""
+        """Return the residual's derivative with respect to the point, in double: (n + 1, n + 2)."""
         beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
         gamma, v = self.motion(point)
         by_beta, by_gamma, by_v = self.slopes(point)
@@ -215,8 +217,8 @@ class Collocation:
 
 @lru_cache(maxsize=64)
 def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]:
-    """Return the matrices of differentiation by the angle, and of integration of functions without
-    mean.
+    """Return the matrices of differentiation with respect to the angle, and of integration of
+    functions without mean.
 
     The samples lie at j h, h = pi s / n, where s is the kind's number of half periods. Then
 
@@ -274,8 +276,8 @@ def resampled(kind: Kind, point: Any, count: int) -> Any:
 
 
 def sizes(kind: Kind, beta: Any) -> Any:
-    """Return the amplitudes of beta_bar's harmonics [rad], in double: odd ones, or all from the
-    first on.
+    """Return the amplitudes of beta_bar's harmonics [rad], in double: for librating cycles the odd
+    ones, for rotating cycles all from the first on.
 
     Args:
         kind: The kind of cycle.

@@ -55,10 +55,10 @@ _SHARE_MOVED = 1 / 8
 # The move of a start, relative to the distance from the nearer end. Newton's iteration then ends
 # after one step.
 _START_SHIFT = 1e-5
-#: A factor for the error of the slope by the start. The start's effect is linear but for parts of
-#: 1e-5.
+#: A factor for the error of the derivative with respect to the start. The start's effect is linear
+#: but for parts of 1e-5.
 _SLOPE = 2
-# The order of the pole of a derivative by Omega at a fold: an error of Omega counts as
+# The order of the pole at a fold of a derivative with respect to Omega: an error of Omega counts as
 # 1 / (dOmega/dx)^3.
 _POLE = 3
 _UNIT = 2.0**-53  # the unit round-off of a double
@@ -104,8 +104,8 @@ class FamilyInterpolant:
 
     # ----------------------------------------------------------------------------------- the cycles
     def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
-        """Return all cycles at each speed, from the smallest first coordinate on, as single speeds
-        give them.
+        """Return all cycles at each speed, from the smallest first coordinate on, as objects of the
+        kind that single speeds give.
 
         A cycle must have its period, coordinates and largest lean to ``digits`` digits. It must be
         clear of a fold, so that the multiplier shows the side of the fold.
@@ -115,8 +115,8 @@ class FamilyInterpolant:
             digits: The significant digits that a cycle must have.
 
         Returns:
-            For each speed its cycles. None if a speed has no cycle, or has one that doubles do not
-            hold.
+            A list of cycles for each speed, or None if the speed has no cycle, or has one that
+            doubles do not hold.
         """
         speeds = numpy.asarray(omegas, dtype=float)
         s = self.family.abscissas(speeds)
@@ -144,7 +144,10 @@ class FamilyInterpolant:
         ]
 
     def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
-        """Yield the result objects that single speeds give, with these half-widths."""
+        """Yield each cycle as the object that a single speed gives, with these half-widths.
+
+        ``widths`` are arrays (n,) by name; the trivial multiplier's is added.
+        """
         widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
         columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
         for index, (omega, residual) in enumerate(
@@ -206,13 +209,19 @@ class FamilyInterpolant:
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
     def _pole(self, name: str, cycles: BatchCycles) -> Any:
-        """Return the factor of a number's spread under which it is interpolated."""
+        """Return the factors (n,) by which a number's spread is multiplied before it is
+        interpolated.
+
+        They vanish at a fold, where the spread has a pole.
+        """
         return cycles.slope ** (_POLE if name in self._by_omega else 1)
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
-        """Some abscissas in rising order, the spread of each number there, and its change with the
+        """Abscissas (k,) in rising order, the spread of each number there, and its change with the
         start.
+
+        The spreads and changes are multiplied by the factors of `_pole`.
         """
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)[::-1]
@@ -254,8 +263,8 @@ class FamilyInterpolant:
 
     @property
     def _to_the_end(self) -> Any:
-        """The distance of each node from the Hopf point, a fold or the connection [rad/s],
-        predicted by its slope.
+        """The distance [rad/s] of each node from the Hopf point, a fold or the connection,
+        whichever is nearest, as predicted by its slope.
         """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))
@@ -266,6 +275,6 @@ class FamilyInterpolant:
 
 
 def _largest_nearby(values: Array) -> Any:
-    """Return the largest of three neighbours, for each value."""
+    """Return, for each value, the largest of it and its two neighbours."""
     padded = numpy.pad(values, 1, mode="edge")
     return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

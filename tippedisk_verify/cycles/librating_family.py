@@ -37,7 +37,7 @@ class LibratingFamily(Family):
     Args:
         parameters: The disk and its friction law.
         engine: The engine of the flights.
-        solve: Finds cycles of chosen amplitudes; None for one at a time.
+        solve: Finds cycles of chosen amplitudes. If None, the engine finds them one at a time.
         closest: The distance [rad/s] from its limit to which Omega is followed.
 
     Raises:
@@ -95,7 +95,8 @@ class LibratingFamily(Family):
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
     def newborn(self, distance: float) -> Place:
-        """Return the place of a cycle nearer to the Hopf point than the first node, by a power law.
+        """Return the `Place` of a cycle nearer to the Hopf point than the first node, by a power
+        law.
 
         Next to the Hopf point the distance goes like a power of the amplitude: the second, or the
         fourth at a degenerate Hopf point. The first node has that power and its factor.

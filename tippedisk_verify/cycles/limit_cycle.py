@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Cycle", "LimitCycle", "MissingCycle", "RotatingCycle"]
 
-# Bits needed below 1 to separate the orbit from the saddle's manifolds, from which on a start
-# rounded to double loses them.
+# The bits needed below 1 to separate the orbit from the saddle's manifolds. With this number and
+# more a start rounded to double loses them.
 _NEXT_TO_A_SADDLE = 20
-_MOST_POINTS = 10_000_000  # the most points of an orbit
+_MOST_POINTS = 10_000_000  # the largest number of points of an orbit
 
 
 @dataclass(frozen=True, repr=False)
@@ -108,7 +108,7 @@ class Cycle(Printable):
     @cached_property
     def monodromy(self) -> Monodromy:
         """The monodromy matrix at the start of `orbit`. ``cycle.monodromy(t)`` is the matrix at
-        another time [s]. A cycle without half-widths has none: AccuracyError.
+        another time [s]. Raises AccuracyError if the cycle has no half-widths.
         """
         from tippedisk_verify.cycles.monodromy import monodromy_of
 
@@ -116,8 +116,8 @@ class Cycle(Printable):
 
     @cached_property
     def floquet_vectors(self) -> FloquetVectors:
-        """The Floquet vectors at the start of `orbit`. ``cycle.floquet_vectors(t)`` has them at
-        another time [s].
+        """The Floquet vectors at the start of `orbit`. ``cycle.floquet_vectors(t)`` returns those
+        at another time [s].
         """
         from tippedisk_verify.cycles.monodromy import FloquetVectors
 
@@ -125,12 +125,12 @@ class Cycle(Printable):
 
     @cached_property
     def sensitivity(self) -> Sensitivity:
-        """The derivatives of the period, the coordinates, beta_max and the multipliers by every
-        parameter of the disk and by the speed, with half-widths.
+        """The derivatives of the period, the coordinates, beta_max and the multipliers with respect
+        to every parameter of the disk and the speed, with half-widths.
 
         They are computed on first use, in some seconds, to about twelve digits. A cycle of more
-        than 24 digits gives half as many. Within some 1e-8 rad/s of a bifurcation there are none,
-        and an AccuracyError is raised.
+        than 24 digits gives half as many. Raises AccuracyError within some 1e-8 rad/s of a
+        bifurcation.
 
         >>> import tippedisk_verify as tv
         >>> slopes = tv.Disk("printed").limit_cycle("30.4").sensitivity
@@ -244,7 +244,7 @@ class Cycle(Printable):
             The path of the file written.
 
         Raises:
-            InputError: The friction law is a user's own, or the file cannot be written.
+            InputError: If the friction law is a user's own, or the file cannot be written.
         """
         names = (*quantities(type(self)), "residuals")
         entries = {name: saved_numbers(getattr(self, name)) for name in names}

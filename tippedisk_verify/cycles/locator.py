@@ -42,8 +42,8 @@ C = TypeVar("C", bound=Cycle)
 # followed.
 _UNFOLLOWED = Fraction(1, 100)
 _ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
-# The most zeros after the point of a distance from the Hopf point. A cycle there takes half a
-# minute.
+# The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
+# half a minute.
 _MOST_NEWBORN_ZEROS = 100
 # The reach of the law from the Hopf point, in distances of the first node, where the family's own
 # doubles begin.
@@ -163,7 +163,7 @@ class Locator:
 
     @cached_property
     def family(self) -> LibratingFamily:
-        """The librating cycles.
+        """The family of librating cycles, followed on first use.
 
         Raises:
             NoSuchCycleError: If they cannot be followed.
@@ -181,7 +181,7 @@ class Locator:
 
     @cached_property
     def rotations(self) -> RotatingFamily:
-        """The rotating cycles.
+        """The family of rotating cycles, followed on first use.
 
         Raises:
             NoSuchCycleError: If they cannot be followed.
@@ -195,6 +195,9 @@ class Locator:
         Args:
             omega: The speed [rad/s].
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
+
+        Returns:
+            The starts for shooting, or the reason why there is none.
 
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
@@ -226,6 +229,9 @@ class Locator:
             stable: True for the stable cycle only, False for the unstable one only, None for both.
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
 
+        Returns:
+            The starts for shooting, or the reason why there is none.
+
         Raises:
             NoSuchCycleError: If the family cannot be followed.
             NoConnectionError: If there is no connection.
@@ -246,11 +252,14 @@ class Locator:
         return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
     def _next_to_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
-        """Locate the cycles where doubles see neither the side of Omega_h nor the piece of cycles
-        that ends there.
+        """Return a location corrected next to Omega_h, where doubles do not show the speed's side
+        of it.
 
-        That piece lies ``above`` Omega_h, or below. Raises AccuracyError if Omega_h has too few
-        digits.
+        ``piece`` is the number of the piece that ends at Omega_h. Its cycles lie ``above`` Omega_h,
+        or below. If the speed is on their side, the piece gets a start without a guess. Otherwise
+        it gets none.
+
+        Raises AccuracyError if Omega_h has too few digits.
         """
         omega, omega_h, digits = location.omega, location.omega_h, FIRST_DIGITS
         while omega_h is None:  # to six digits of its distance
@@ -272,10 +281,11 @@ class Locator:
 
 
 def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
-    """Return the start for the cycle between the Hopf point and the family's first node, if it is
-    there.
+    """Return the start for a cycle between the Hopf point and the family's first node, in a list.
 
-    Raises AccuracyError at a distance that is not offered.
+    The list is empty if no cycle lies there. ``below_crit`` is Omega_crit less the speed [rad/s].
+
+    Raises AccuracyError if the speed is closer to the Hopf point than cycles are offered.
     """
     away = Fraction(family.omega_crit - float(family.nodes[0, 3]))
     if not 0 < below_crit / away < _LAW_REACH:
@@ -291,7 +301,7 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
-    """Return the message that there is no cycle at a speed.
+    """Return the message that no librating cycle was found at a speed.
 
     It names the family's ends if the speed lies outside them. Otherwise the search has failed.
     """
@@ -313,9 +323,12 @@ def _no_libration(family: LibratingFamily, omega: float) -> str:
 
 
 def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -> str:
-    """Return the message that there is no such cycle at a speed.
+    """Return the message that no rotating cycle exists at ``omega``.
 
-    Raises NoSuchCycleError if the family has no fold.
+    If ``stable`` is True and the speed is not below Omega_h, that is the reason. Otherwise the
+    reason is the fold, which lies above the speed.
+
+    Raises NoSuchCycleError if the family's fold cannot be found.
     """
     if stable and omega >= family.omega_h:
         return (

@@ -39,7 +39,7 @@ class Monodromy(Printable):
 
     ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3). `numpy.asarray` converts it to
     doubles. Its eigenvalues are the Floquet multipliers, the same at every point. Multipliers below
-    its half-widths cannot be seen in it. ``log_multipliers`` has the natural logarithms of their
+    its half-widths cannot be seen in it. ``log_multipliers`` are the natural logarithms of their
     absolute values.
 
     >>> import tippedisk_verify as tv
@@ -112,13 +112,13 @@ class FloquetVectors(Printable):
 
     @classmethod
     def of(cls, monodromy: Monodromy) -> FloquetVectors:
-        """Return the vectors of a monodromy matrix.
+        """Return the Floquet vectors, the eigenvectors of a monodromy matrix.
 
         Args:
             monodromy: The matrix.
 
         Raises:
-            AccuracyError: The slow and the fast multiplier are a complex pair or too close, or
+            AccuracyError: If the slow and the fast multiplier are a complex pair or too close, or
                 the matrix has too few digits for a vector.
         """
         cycle, matrix = monodromy.cycle, monodromy.matrix
@@ -170,7 +170,7 @@ def _eigenvector(rows: list[list[Measured]], multiplier: Measured) -> Vector:
     """Return an eigenvector of length 1 of a matrix (3, 3), of either sign.
 
     It is perpendicular to all rows of the matrix less the multiplier. The two rows whose product is
-    the largest determine it best.
+    the largest determine it best. Raises AccuracyError if the matrix has too few digits.
     """
     rows = [
         [entry - multiplier if n == k else entry for k, entry in enumerate(row)]
@@ -191,7 +191,10 @@ def _eigenvector(rows: list[list[Measured]], multiplier: Measured) -> Vector:
 
 
 def _signed(vector: Vector, number: Measured) -> Vector:
-    """Return the vector with the sign that makes the number positive."""
+    """Return the vector, or its negative if the number is negative.
+
+    Raises AccuracyError if the number's sign is not certain.
+    """
     if abs(number.value) <= number.uncertainty:
         raise AccuracyError(
             "the sign of a Floquet vector is not certain: ask for a cycle of more digits"
@@ -201,7 +204,8 @@ def _signed(vector: Vector, number: Measured) -> Vector:
 
 
 def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
-    """Return the matrix at a time, by the variational equations over a whole period.
+    """Return the monodromy matrix of a cycle at a time, by the variational equations over a whole
+    period.
 
     Its half-widths have two parts. One is the flight's own error, by wider arithmetic. The other is
     the effect of the half-widths of the cycle's numbers, by flights with each number moved. Next to
@@ -212,8 +216,8 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         time: The time [s] since the start of ``cycle.orbit()``, within a period.
 
     Raises:
-        InputError: The time does not lie within a period.
-        AccuracyError: The cycle has no half-widths.
+        InputError: If the time does not lie within a period.
+        AccuracyError: If the cycle has no half-widths.
     """
     since, period = exact(time), cycle.period
     if not 0 <= float(since) <= float(period):
@@ -270,7 +274,10 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:
-    """Yield the values with one of them moved at a time."""
+    """Yield the values with one of them moved at a time, by `_MOVED` times its entry of ``moves``.
+
+    Values whose entry is 0 are not moved.
+    """
     for place, move in enumerate(moves):
         if move:
             yield [value + _MOVED * move * (n == place) for n, value in enumerate(values)]

@@ -134,7 +134,7 @@ def fixed_point_near(
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """Return (gamma_bar_0, v_0) next to the cycle.
+    """Predict (gamma_bar_0, v_0) of the cycle at a distance above Omega_h [rad/s].
 
     The family is followed in its period to about the root of ``above``.
     """
@@ -200,7 +200,7 @@ def with_speed(
     branch_length: Fraction,
     engine: Engine,
 ) -> C:
-    """Return the cycle with half-widths that hold the uncertainty of Omega_h.
+    """Return the cycle with half-widths that include the effect of Omega_h's uncertainty.
 
     All numbers are computed once more at another speed, moved by a thousandth of the distance from
     the nearer end of the branch. Up to a thousandth they change in proportion to the speed

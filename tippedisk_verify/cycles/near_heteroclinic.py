@@ -57,11 +57,11 @@ class AnswerRow(Printable):
 
 @dataclass(frozen=True, repr=False)
 class NearHeteroclinic(Printable):
-    """T = slope log(D) + constant + coefficient D^exponent + ... and its rows, D above Omega_h in
-    rad/s.
+    """The study next to Omega_h: the law of the period, cycles, and other programs' answers.
 
-    A fit of T against log(D) misses the slope by a relative error of about ``exponent * coefficient
-    / slope * D^exponent``.
+    The law is T = slope log(D) + constant + coefficient D^exponent + ..., with D above Omega_h in
+    rad/s. A fit of T against log(D) misses the slope by a relative error of about ``exponent *
+    coefficient / slope * D^exponent``.
     """
 
     period_law: PeriodLaw  #: the four numbers above
@@ -77,7 +77,7 @@ class NearHeteroclinic(Printable):
         Numbers are rounded to doubles; their half-widths, in NAME_uncertainty, include the rounding.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         rows = [vars(row) | dict(zip(LAWS, row.law, strict=True)) for row in self.rows]
         return data_frame(rows).drop(columns="law")
@@ -119,7 +119,7 @@ def near_heteroclinic(
     *,
     answers: Sequence[Sequence[object]] | None = None,
 ) -> NearHeteroclinic:
-    """Return the study at these distances above Omega_h, each number to twelve digits.
+    """Return the accuracy study at these distances above Omega_h, each number to twelve digits.
 
     Args:
         parameters: The disk and its friction law.

@@ -52,13 +52,13 @@ class Stop:
         self._small, self._near, self._fewest = small, near, fewest
 
     def converged(self, size: Any) -> bool:
-        """Return True if this size is the last one.
+        """Record a size, and return True if the iteration has converged.
 
         Args:
             size: The size of the present residual or step.
 
         Raises:
-            Exception: The rule's ``failure``, after its number of sizes.
+            Exception: If the largest number of sizes is reached: the rule's ``failure``.
         """
         self.sizes.append(size)
         if size < self._small or (
@@ -123,7 +123,7 @@ def newton(
     Raises:
         NoSuchCycleError: If an orbit does not return, the equations are singular, or damping finds
             no smaller residual.
-        Exception: The failure of ``stop`` after its number of steps.
+        Exception: If the iteration takes too many steps: the failure of ``stop``.
     """
 
     def at(own_map: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
@@ -158,7 +158,8 @@ def _damped(
 ) -> Iterate[C]:
     """Return the first point along the step whose residual is smaller, or is rounding.
 
-    The step is halved again and again.
+    The step is halved again and again. Raises NoSuchCycleError if no such point is found, or the
+    iteration falls onto the equilibrium.
     """
     before, share = section_size(iterate.image.residual), 1.0
     while share >= _LEAST_SHARE:

@@ -28,7 +28,7 @@ __all__ = ["METHODS", "heteroclinic"]
 
 #: The names of the methods.
 METHODS: tuple[Method, ...] = get_args(Method)
-_DOUBLE_DIGITS = 12  # the most digits of the methods that run in double
+_DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
 @undisturbed

@@ -1,8 +1,8 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
 
-`passages` has the maps. The numbers of a cycle are computed with one choice of sections, series and
-flights in 64 bits, and with others that round some four times as much. If the digits do not come,
-or the maps do not exist, `near_connection` follows the flow itself.
+The maps are in `passages`. The numbers of a cycle are computed with one choice of sections, series
+and flights in 64 bits, and with others that round some four times as much. If the digits are not
+reached, or the maps do not exist, `near_connection` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ C = TypeVar("C", bound=Cycle)
 
 _CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5)
 #: Choices with a larger truncation error. Their flights lie closer together, so that rounding
-#: weighs some four times as much in the derivatives of u by the speed and by sigma, which matter
-#: most.
+#: weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
+#: which matter most.
 _OTHERS = tuple(
     Choice(
         order=17,
@@ -103,8 +103,9 @@ def cycle_by_passages(
             as Omega_h.
 
     Returns:
-        The cycle. None if another method may succeed: if the digits do not come, the machine has no
-        numbers of 64 bits, the saddle value is not negative, or a series or an iteration fails.
+        The cycle, or None if only another method may succeed. That is so if the digits are not
+        reached, the machine has no numbers of 64 bits, the saddle value is not negative, or a
+        series or an iteration fails.
     """
     if digits > _MOST_DIGITS or not engine.measures_error:
         return None
@@ -155,7 +156,10 @@ def cycle_by_passages(
 def _omega_h(
     parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool
 ) -> Measured:
-    """Return Omega_h [rad/s] to the digits that the distance needs."""
+    """Return Omega_h [rad/s] to the digits that the distance needs.
+
+    Raises AccuracyError if that takes more than `MOST_DIGITS` digits.
+    """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
     while True:
@@ -173,10 +177,10 @@ def _omega_h(
 
 
 def _digits_for(distance: Fraction) -> int:
-    """Return the digits of Omega_h for a distance from it [rad/s], on a grid that most distances
-    share.
+    """Return the number of digits to which Omega_h is computed for a distance from it [rad/s].
 
-    Guard digits make Omega_h better than requested, mostly by those that are missing here.
+    It is rounded up to a grid, so that most distances share Omega_h. The request omits
+    `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
     """
     lacking = _DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance) - FIRST_DIGITS
     return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil(lacking / _MORE_DIGITS))
@@ -185,8 +189,13 @@ def _digits_for(distance: Fraction) -> int:
 def _measured(
     numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction
 ) -> dict[str, Measured]:
-    """Return the numbers with half-widths; ``share`` is the relative uncertainty of the distance
-    from Omega_h.
+    """Convert the numbers of a cycle to `Measured`, by name.
+
+    Args:
+        numbers: The numbers by the first choice of sections, series and flights.
+        others: The same numbers by other choices. The largest distance to them gives the
+            half-width.
+        share: The relative uncertainty of the distance from Omega_h.
     """
     measured = {}
     for name, number in numbers.items():
@@ -210,7 +219,7 @@ class PeriodLaw(NamedTuple):
     exponent: Measured
 
     def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
-        """Return T [s] by one, two and three terms of the law.
+        """Return three values of T [s]: by one, two and three terms of the law.
 
         Args:
             distance: The distance above Omega_h [rad/s].
@@ -226,7 +235,7 @@ class PeriodLaw(NamedTuple):
 
 @undisturbed
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
-    """Return the law of the period from the maps.
+    """Return the law of the librating cycles' period above Omega_h, from the maps.
 
     The maps give sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives. With u
     = a D + b sigma the third term is the first power of sigma in -log(u).
@@ -266,8 +275,9 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
 
 
 def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
-    """Return True if the machine and the engine fly in 64 bits, and cycles attract next to
-    Omega_h.
+    """Return True if the passages can be computed.
+
+    The machine and the engine must compute in 64 bits, and the saddle value must be negative.
     """
     extended = companion(DOUBLE) == EXTENDED and engine.measures_error
     return extended and saddle_value_sign(parameters, omega_h) < 0
@@ -311,10 +321,11 @@ def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
 def _numbers(
     section: Section[Any], flights: GlobalMap, distance: Fraction
 ) -> tuple[dict[str, Any], list[float]]:
-    """Return the numbers of a cycle, gamma_bar_0 less pi, and the sizes of the iteration's steps.
+    """Return the numbers of a cycle by name, and the relative sizes of the iteration's steps.
 
-    The speed has an imaginary part far below rounding. The imaginary parts of the numbers are
-    derivatives by the speed.
+    pi is subtracted from ``gamma_bar_0``, so that it keeps its digits. The speed has an imaginary
+    part far below rounding. The imaginary parts of the numbers are derivatives with respect to the
+    speed.
     """
     image = section.image
     at = EXTENDED.number(distance)

@@ -12,7 +12,8 @@ Omega_h, where u = 0 at sigma = 0 by definition. So u keeps its relative accurac
 is, and no flight grows longer with 1 / D.
 
 **The cycle.** It is a fixed point of sigma. Both maps take complex numbers. An imaginary part far
-below rounding carries the derivative by sigma, which is the multiplier, or by the speed.
+below rounding carries the derivative with respect to the speed, or to sigma. The latter is the
+multiplier.
 """
 
 from __future__ import annotations
@@ -142,13 +143,18 @@ class GlobalMap:
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
     def at(self, distance: Any) -> Any:
-        """Return the polynomials in sigma (5, 7) at a distance from Omega_h [rad/s]."""
+        """Return the coefficients (5, 7) of the polynomials in sigma at a distance from Omega_h
+        [rad/s].
+
+        There is a row for each power of sigma, and a column for each number of
+        `LinearPassage.arrival`.
+        """
         return polynomial(self._polynomials, distance)
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
-        """The derivatives of the arriving u by the speed and by sigma, at Omega_h and sigma =
-        0; and the s there.
+        """The derivatives of the arriving u with respect to the speed and to sigma, and the
+        arriving s. They are taken at Omega_h and sigma = 0.
         """
         return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
 
@@ -161,7 +167,8 @@ class GlobalMap:
         """Return the time [s] until the flight on the unstable manifold is next to the other
         saddle.
 
-        It is rounded to a hundredth of a second.
+        It is rounded to a hundredth of a second. Raises AccuracyError if the flight never comes
+        near that saddle.
         """
         times = numpy.arange(0, _LONGEST, 0.01)
         request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
@@ -182,7 +189,11 @@ class GlobalMap:
         return Fraction(first + math.ceil(100 * longer), 100)
 
     def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
-        """Return the numbers of `LinearPassage.arrival` after a flight."""
+        """Fly from one saddle to the other, and return the numbers of `LinearPassage.arrival`.
+
+        The flight starts at s = ``sigma``, at a speed ``distance`` from Omega_h [rad/s]. Raises
+        AccuracyError if it fails.
+        """
         at = EXTENDED.number(distance)
         request = self._request(
             self.leaving.at(at),
@@ -204,9 +215,12 @@ class GlobalMap:
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
     def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:
-        """Return the polynomials' coefficients (speeds, 5, 7).
+        """Fit the polynomials to flights, and return their coefficients (speeds, 5, 7).
 
-        u vanishes exactly at sigma = 0 and Omega_h; the fit's rounding there is dropped.
+        The axes are powers of the distance, powers of sigma, and the numbers of
+        `LinearPassage.arrival`. Flights on the unstable manifold are at these ``distances`` of the
+        speed from Omega_h [rad/s], flights off it at those of ``off_manifold``. u vanishes exactly
+        at sigma = 0 and Omega_h; the fit's rounding there is dropped.
         """
         count, reach = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.choice.sigma
@@ -298,8 +312,9 @@ class HalfMap:
         raise ArithmeticError("the iteration for sigma does not settle")
 
     def along_the_flow(self, piece: ChartFlight) -> Any:
-        """Return the multiplier along the flow over a piece, divided by the ratio of speeds. It is
-        1.
+        """Return the multiplier along the flow over a piece, divided by the ratio of speeds.
+
+        Its true value is 1.
 
         Args:
             piece: A piece of a passage.
@@ -354,8 +369,8 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
 
     Args:
         rest: The rest of the passage.
-        multiplier: The derivative of the half map by sigma.
-        time_by_sigma: The derivative of the passage's time by sigma [s].
+        multiplier: The derivative of the half map with respect to sigma.
+        time_by_sigma: The derivative of the passage's time with respect to sigma [s].
     """
     first, last = rest[0], rest[-1]
     slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
@@ -379,11 +394,13 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
 def _until(
     chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any
 ) -> ChartFlight:
-    """Return the piece from a point to where a function of y vanishes, between a stable and an
-    unstable manifold.
+    """Return the flight in a chart from a point to the zero of a function of y.
 
-    The gradient is the function's at the saddle. Its linear part is solved at once. Chords solve
-    the rest, and each gains a factor of the distance from the saddle.
+    The gradient is the function's at the saddle. It gives the zero of the linear part at once.
+    Chord steps then correct the time, and each gains a factor of the distance from the saddle.
+
+    Raises ArithmeticError if the orbit does not meet a zero on its way from the stable to the
+    unstable manifold.
     """
     row = chart.along(gradient)
     growth = chart.eigenvalues[0] - chart.eigenvalues[1]
@@ -401,9 +418,10 @@ def _until(
 
 
 def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
-    """Return the integral over a passage [1], the logarithm of the flow's determinant.
+    """Return the integral of the divergence over a passage [1].
 
-    It uses the charts' determinants.
+    It is the logarithm of the determinant of the flow's derivative, and follows from the charts'
+    determinants.
 
     Args:
         pieces: The passage.
@@ -420,7 +438,7 @@ def _determinant(rows: Any) -> Any:
 
 
 def _nodes(count: int) -> Any:
-    """Return Chebyshev's nodes between -1 and 1, falling."""
+    """Return Chebyshev nodes between -1 and 1, in falling order."""
     return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
 
 

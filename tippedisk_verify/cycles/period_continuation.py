@@ -90,8 +90,10 @@ def cycle_at_half_period(
     duration = precision.number(half_period)
 
     def size(iterate: Iterate[LimitCycle]) -> float:
-        """Measure the state against its distance from the saddle, the speed against how fast
-        it still changes.
+        """Return the largest part of a step, relative to its scale.
+
+        The state's scale is its distance from the saddle. The speed's is its derivative with
+        respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
         """
         gamma_bar, v, _ = iterate.ahead
         left, by_time = precision.pi - gamma_bar, iterate.image.slopes("time")[2]
@@ -133,15 +135,15 @@ def lengthened(
         longest: The longest period [s].
 
     Raises:
-        NoSuchCycleError: If the step is below half a millisecond, where Omega - Omega_h drowns in
-            rounding.
+        NoSuchCycleError: If the step is below half a millisecond, where rounding swamps Omega -
+            Omega_h.
     """
     point, before, step = first, first, _FIRST_STEP
     while 2 * point.half_period < longest:
         if step < _SHORTEST_STEP:
             period = f"{2 * point.half_period:.4g} s"
             raise NoSuchCycleError(
-                f"at the period {period} the family drowns in rounding: compute in more bits"
+                f"at the period {period} rounding swamps the family: compute in more bits"
             )
         half_period = min(point.half_period + step, longest / 2)
         guess = (
@@ -174,8 +176,10 @@ def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) 
 
 
 def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float) -> Any:
-    """Return Omega [rad/s] along the tangent, in the logarithm of the distance from the limit of
-    the last two slopes.
+    """Predict Omega [rad/s] at another half period, from a cycle and the one before.
+
+    The distance from the limit is extrapolated as an exponential, at the rate at which the slopes
+    fall. If they do not fall, the tangent is followed.
     """
     ahead = half_period - point.half_period
     falls = point.slopes[2] / before.slopes[2]
@@ -282,15 +286,14 @@ class PeriodContinuation:
         return self.points[-1]
 
     def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:
-        """Return Omega - Omega_h [rad/s], the period [s], and the slope of T over its law's, for
-        each cycle.
+        """Return a row for each cycle: Omega - Omega_h [rad/s], the period [s], and a ratio of
+        slopes.
 
-        The law is
+        The ratio is the slope of T over that of the law
 
-            T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),    p = |lambda_s|
-            / lambda_u - 1.
+            T = c - (2 / lambda_u) log(Omega - Omega_h) + O((Omega - Omega_h)^p),
 
-        By this law the ratio tends to 1.
+        where p = |lambda_s| / lambda_u - 1. The ratio tends to 1.
 
         Args:
             unstable: lambda_u [1/s].
@@ -346,7 +349,7 @@ class PeriodContinuation:
 
 
 def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Measured:
-    """Return Omega_h to ``digits`` significant digits.
+    """Return Omega_h to ``digits`` significant digits, as the limit of the librating cycles.
 
     The answer is the limit before the last one, and its distance from the last one is the error.
     The distance falls from cycle to cycle by a growing factor, a hundredfold and more. So twice the
@@ -373,7 +376,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
 
 
 def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
-    """Return the arithmetic for a cycle next to Omega_h.
+    """Return the arithmetic that a cycle next to Omega_h needs to keep its digits.
 
     Rounding grows over a passage like 1 / above. It must be small against the state's distance from
     the saddle. That distance is of the order of ``above`` to the power lambda_u / (lambda_u -

@@ -40,17 +40,17 @@ _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a
 
 
 class Image(NamedTuple):
-    """The image of a point under the return map P, with P's derivatives by the coordinates and
-    Omega.
+    """The image of a point under the return map P, with P's derivatives with respect to the
+    coordinates and Omega.
     """
 
     time: Any  #: flight time [s]
     residual: tuple[Any, Any]  #: the coordinates after the map minus before
     matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: P'
     by_omega: tuple[Any, Any]  #: dP/dOmega
-    time_by_state: tuple[Any, Any]  #: derivatives of the flight time by the coordinates
+    time_by_state: tuple[Any, Any]  #: d(flight time)/d(coordinates)
     time_by_omega: Any
-    flow: Any  #: the flow's derivatives at fixed time, (beta, gamma, v) by (beta, gamma, v, Omega)
+    flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
     def newton_step(self, held: Held = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
         """Return the step of both coordinates and Omega after which the map returns to the start.
@@ -78,12 +78,12 @@ class Image(NamedTuple):
         return x, y, omega
 
     def slopes(self, held: Held) -> tuple[Any, Any, Any, Any]:
-        """Return derivatives along the family, by the quantity held.
+        """Return derivatives along the family, with respect to the quantity held.
 
         They are those of the family of cycles if the start is a fixed point.
 
         Args:
-            held: The quantity by which to differentiate.
+            held: The quantity with respect to which to differentiate.
 
         Returns:
             The derivatives of the first coordinate, the second coordinate, Omega and the flight
@@ -101,7 +101,7 @@ class Image(NamedTuple):
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
     def _held_row(self, held: Held) -> tuple[Any, Any, Any]:
-        """Return the derivatives of the quantity held by both coordinates and Omega."""
+        """Return the derivatives of the held quantity with respect to both coordinates and Omega."""
         if held == "time":
             return (*self.time_by_state, self.time_by_omega)
         return (1, 0, 0) if held == "coordinate" else (0, 0, 1)

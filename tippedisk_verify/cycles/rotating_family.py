@@ -60,7 +60,7 @@ class RotatingFamily(Family):
             raise NoSuchCycleError(
                 "no rotating cycle found below Omega_h: the unstable branch leans less there"
             )
-        # The flight time is no unknown where the engine meets the section.
+        # The flight time is not an unknown where the engine meets the section.
         second, flight, omega, *slopes = (
             float(values[0])
             for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
@@ -104,7 +104,7 @@ class RotatingFamily(Family):
                 raise NoSuchCycleError(end) from None
 
     def near_fold(self) -> Place:
-        """Return the fold, where Omega is smallest, to some digits.
+        """Return the `Place` of the fold, where Omega is smallest, to some digits.
 
         Raises:
             NoSuchCycleError: If the family has no fold.

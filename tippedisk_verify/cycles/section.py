@@ -47,8 +47,8 @@ ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gam
 BOTTOM = Event("bottom", ROUND.function, direction=1, terminal=False)
 #: beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
-#: The variables by which flights are differentiated. beta is among them: with four variables heyoka
-#: differentiates in reverse, with less work.
+#: The variables with respect to which flights are differentiated. beta is among them: with four
+#: variables heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 
 
@@ -74,7 +74,7 @@ class Section(Generic[C]):
     turns: int  #: the growth of the fixed component in a flight, in units of 2 pi
     image: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     per_period: int  #: flights that make up a period of the cycle
-    #: Which coordinates a start may have; of doubles or of arrays (n,)
+    #: True for coordinates that a start may have, given as doubles; a mask (n,) for arrays (n,)
     possible: Callable[[Any, Any], Any]
     impossible: str  #: the message for a start with other coordinates
     no_return: str  #: the message for an orbit that does not come back
@@ -139,8 +139,8 @@ class Section(Generic[C]):
             point: Both coordinates on the section.
             time: The flight time [s].
             matrix: The derivative (2, 2) of the section's map.
-            slopes: The derivatives of both coordinates and the flight time by Omega, along the
-                family.
+            slopes: The derivatives of both coordinates and the flight time with respect to Omega,
+                along the family.
             trivial: The multiplier of a flight along the flow, 1 but for rounding.
             flight: The section's measures and the integral of the ``divergence`` over the flight.
             ops: The functions of the arithmetic.
@@ -177,7 +177,7 @@ class Section(Generic[C]):
         }
 
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
-        """Return the measures by name.
+        """Return the section's measures on one flight, by name.
 
         Args:
             events: The (name, state) pairs of the ``recorded`` events of one flight.

@@ -1,4 +1,4 @@
-"""The derivatives of a cycle's numbers by every parameter of the disk and by the speed.
+"""The derivatives of a cycle's numbers with respect to every parameter of the disk and the speed.
 
 **The derivatives.** A number q of a cycle is a function of the section's point x and of a parameter
 p. On the cycle the return map's residual R(x, p) vanishes, so
@@ -57,7 +57,7 @@ _RESIDUALS = ("first residual", "second residual")
 
 @dataclass(frozen=True, repr=False)
 class Sensitivity(Printable):
-    """The partial derivatives of numbers by parameters, in SI units, with half-widths.
+    """The partial derivatives of numbers with respect to parameters, in SI units, with half-widths.
 
     ``sensitivity["period"]["mu"]`` is dT/dmu at fixed other parameters and fixed speed. The columns
     are r, e, m, A, B, g, mu and epsilon, and for a cycle also omega.
@@ -80,16 +80,18 @@ class Sensitivity(Printable):
 
 
 def sensitivity_of(cycle: Cycle) -> Sensitivity:
-    """Return the derivatives of a cycle's numbers, to about twelve digits, or half of
-    those of its period if that is more.
+    """Return the derivatives of a cycle's numbers with respect to the disk's parameters and the
+    speed.
+
+    They have about twelve digits, or half of those of the cycle's period if that is more.
 
     Args:
         cycle: The cycle.
 
     Raises:
-        AccuracyError: The cycle is too close to a bifurcation, or the iteration for it does not
+        AccuracyError: If the cycle is too close to a bifurcation, or the iteration for it does not
             settle in a wider arithmetic.
-        InputError: A parameter cannot be moved, such as B = A.
+        InputError: If a parameter cannot be moved, such as B = A.
     """
     section: Section[Any] = LIBRATING if cycle.symmetric else ROTATING
     magnitude = decimal_magnitude(cycle.period.uncertainty / cycle.period.value)
@@ -123,7 +125,8 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
 
 
 def _scale(cycle: Cycle, section: Section[Any]) -> float:
-    """Return the relative change of the speed that changes the cycle by as much as itself.
+    """Return the relative change of the speed that changes the period or a coordinate by as much as
+    itself.
 
     It is small next to Omega_h, a Hopf point and a fold. It is at most 1.
     """
@@ -193,7 +196,8 @@ def _derivatives(
 def sensitivity_of_bifurcations(
     parameters: Parameters, engine: Engine, digits: int = 12
 ) -> Sensitivity:
-    """Return the derivatives of Omega_crit, and of Omega_h if there is a connection.
+    """Return the derivatives of Omega_crit with respect to the disk's parameters, and of Omega_h if
+    there is a connection.
 
     Those of Omega_crit follow from its closed form, those of Omega_h from the splitting.
 
@@ -203,8 +207,8 @@ def sensitivity_of_bifurcations(
         digits: Significant digits of Omega_crit and of most derivatives.
 
     Raises:
-        InputError: The digits cannot be used, or a parameter cannot be moved, such as B = A.
-        AccuracyError: The digits were not reached.
+        InputError: If the digits cannot be used, or a parameter cannot be moved, such as B = A.
+        AccuracyError: If the digits are not reached.
     """
     rows = {"omega_crit": omega_crit_slopes(parameters, digits)}
     with suppress(NoConnectionError):

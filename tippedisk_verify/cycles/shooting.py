@@ -125,8 +125,8 @@ def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] 
         return_map: The map at the speed wanted, in double.
 
     Returns:
-        The fixed point. None if the iteration fails, or if it ends far from its guess: such a cycle
-        is not trusted.
+        The fixed point, or None if the iteration fails or ends far from its guess: such a cycle is
+        not trusted.
     """
     law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
     if law is not None and law[0] < _LARGEST_LAW_AMPLITUDE:

@@ -1,6 +1,6 @@
 """Limit cycles and their folds by Fourier collocation in time, to any number of digits.
 
-No integrator is used. Each answer is computed at two resolutions. `fourier` has the equations.
+No integrator is used. Each answer is computed at two resolutions. The equations are in `fourier`.
 `spectral_branch` leads to a cycle in double, from which chord steps continue.
 """
 
@@ -160,7 +160,7 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     Raises:
         NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
-    if parameters.law.two_sided:  # whose cycles differ little from those of the linear law
+    if parameters.law.two_sided:  # its cycles differ little from those of the linear law
         parameters = parameters.with_friction("linear")
     point = branch_to(parameters, omega)
     gamma, v = Collocation(parameters, Kind.LIBRATING, len(point) - 2).motion(point)
@@ -326,8 +326,8 @@ def _at_two_resolutions(
     one.
 
     The half-width is twice the distance. The error falls geometrically with the samples. A
-    librating cycle may have few samples. No relative half-width of such a cycle is less than the
-    frequency's: a number with an error that is small by chance gets that half-width all the same.
+    librating cycle may have few samples, and an error that is small by chance. So its relative
+    half-widths are at least the relative distance of the two periods.
     """
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
     rough = numbers(Collocation(parameters, kind, count, digits + _GUARD))
@@ -341,8 +341,10 @@ def _at_two_resolutions(
 
 
 def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
-    """Return the point of the cycle at a speed, in the arithmetic of the collocation, from one in
-    double next to it.
+    """Return the point (n + 2,) of the cycle at a speed, in the arithmetic of the collocation.
+
+    ``start`` is a nearby point in double, with any number of samples. Raises NoSuchCycleError if
+    the iteration does not converge.
     """
     double, exact = a.double, a.number(speed)
     point = newton(double, resampled(a.kind, start, a.count))
@@ -355,7 +357,8 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
 
 
 def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]) -> Any:
-    """Solve above double by Newton's iteration with the derivative ``system`` in double.
+    """Solve ``residual`` = 0 in mpmath numbers, by chord steps with the derivative ``system`` in
+    double.
 
     Each pass gains some ten digits. Raises NoSuchCycleError if the passes do not settle below the
     resolution of doubles.

@@ -1,9 +1,9 @@
 """Spectral cycles in double: Newton's iteration, the branch through folds, and the first cycles of
 both kinds.
 
-One Newton iteration solves for a point of a branch within a plane: that of a speed, that across the
-branch, or that of a mean lean. The stopping rules are not those of shooting. The two methods share
-nothing, so that their agreement is evidence.
+One Newton iteration solves for a point of a branch within a plane: that of a speed, or one across
+the branch. The stopping rules are not those of shooting. The two methods share nothing, so that
+their agreement is evidence.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def unconverged(samples: int) -> NoSuchCycleError:
 
 
 def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
-    """Solve for the cycle in the plane through ``start`` with that normal.
+    """Solve for the cycle in the plane through ``start`` with the given normal.
 
     Args:
         a: The collocation, in double.
@@ -73,7 +73,7 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
         normal: The normal (n + 2,) of the plane; None for the plane of the start's speed.
 
     Returns:
-        The point (n + 2,). None if the iteration does not converge, or leaves the cycles of this
+        The point (n + 2,), or None if the iteration does not converge, or leaves the cycles of this
         kind.
     """
     if normal is None:
@@ -89,7 +89,11 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
 def _solved(
     a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
 ) -> Any | None:
-    """Solve by Newton's iteration for a point, and for further unknowns behind it."""
+    """Solve ``residual`` = 0 by Newton's iteration with the derivative ``matrix``.
+
+    The unknowns are a point (n + 2,), and any further ones after it. Returns them, or None if the
+    iteration does not converge, or leaves the cycles of this kind.
+    """
     n = a.count
     amplitude = abs(start[:n]).max()
     unknowns, smallest = start, math.inf
@@ -124,7 +128,8 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
         start: The first guess (n + 2,).
 
     Returns:
-        The fold's point and null vector (2 n + 3,). None if Newton's iteration leads to no fold.
+        The fold's point and null vector (2 n + 3,), or None if Newton's iteration does not lead to
+        a fold.
     """
     # The branch's tangent is the null vector where Omega is extreme.
     null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
@@ -139,7 +144,7 @@ def fold_near(a: Collocation, start: Any) -> Any | None:
 
 
 def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
-    """Return the equations of a fold (2 n + 3,).
+    """Return the residuals of a fold's equations (2 n + 3,).
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
     vector's scale.
@@ -156,8 +161,8 @@ def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
 def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
     """Return the derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
 
-    Second derivatives are symmetric. So the derivative of the null vector's equations by the point
-    is the change of the matrix along the null vector.
+    Second derivatives are symmetric. So the derivative of the null vector's equations with respect
+    to the point is the change of the matrix along the null vector.
 
     Args:
         a: The collocation, in double.
@@ -185,6 +190,9 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
         parameters: The disk, under the linear law.
         kind: The kind of cycle.
 
+    Returns:
+        The point (n + 2,).
+
     Raises:
         NoSuchCycleError: If there is no fold before periods are long.
     """
@@ -210,8 +218,8 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 def _walk(
     parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
 ) -> Iterator[tuple[Any, bool]]:
-    """Yield the branch from its first two points on, with the folds; each with True if the speed
-    turns there.
+    """Yield the points of the branch from its first two on, folds included, each with True if the
+    speed turns there.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of
     samples grows once the last harmonics are no longer small. The branch ends where its cycles
@@ -261,7 +269,9 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
 
 # --------------------------------------------------------------------------------- librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
-    """Return the branch of librating cycles from the Hopf point on, as `_walk` yields it."""
+    """Return a generator of the librating cycles' branch from the Hopf point on, in the form of
+    `_walk`.
+    """
     # The square of beta's amplitude over that of gamma's.
     share = float(parameters.e / (parameters.r + parameters.e))
     quadratic, frequency = (
@@ -353,7 +363,8 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
 
 
 def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
-    """Return a rotation of the rolling disk with beta_bar = lean at the bottom.
+    """Return the point (n + 2,) of a rotation of the rolling disk with beta_bar = lean at the
+    bottom.
 
     The rolling disk conserves (r + e sin gamma) sin beta.
     """
@@ -376,9 +387,9 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         point: The cycle's point (n + 2,).
 
     Returns:
-        The exponent in units of the frequency, the mode (3 n,) of (beta, gamma, v), and the matrix
-        (3 n, 3 n) of the variational equation by the angle. The exponent and the mode are an
-        eigenvalue and eigenvector of this matrix.
+        The exponent in units of the frequency, the mode (3 n,) of (beta, gamma, v), and a matrix (3
+        n, 3 n). The matrix is that of the variational equation with the angle in place of time. The
+        exponent and the mode are an eigenvalue and eigenvector of it.
     """
     by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
     turning, zero = (

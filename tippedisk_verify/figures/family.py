@@ -49,7 +49,9 @@ def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]
 
 
 def _birth(parameters: Parameters) -> tuple[float, ...]:
-    """Return the row of the Hopf point."""
+    """Return the row of the Hopf point: Omega_crit, no amplitude, the period there, and the
+    multiplier 1.
+    """
     return (float(omega_crit(parameters)), 0.0, float(period_crit(parameters)), 1.0)
 
 

@@ -42,7 +42,9 @@ def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
 
 
 def _pieces(latex: str) -> list[str]:
-    """Cut a formula before relations and sums and after wide spaces, but not inside brackets."""
+    """Cut a formula into pieces: before relations and sums and after wide spaces, but not inside
+    brackets.
+    """
     pieces, depth = [""], 0
     for token in re.findall(r"\\[A-Za-z]+|\\.|.", latex):
         depth += (token in ("{", "(", r"\left")) - (token in ("}", ")", r"\right"))
@@ -60,7 +62,11 @@ def _pieces(latex: str) -> list[str]:
 
 
 def _svg(latex: str, outlines: dict[Any, Any]) -> str:
-    """Draw a piece in ems, on the baseline of the text; add new letters to the outlines."""
+    """Return a piece of a formula as an ``<svg>`` element.
+
+    It is measured in ems and stands on the baseline of the text. New letters are added to
+    ``outlines``.
+    """
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import text_to_path
 

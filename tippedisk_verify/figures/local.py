@@ -19,7 +19,11 @@ _STEPS = 200  # up to Omega_crit; where the two real eigenvalues meet they chang
 
 
 def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
-    """Return Omega, and Re and Im of the eigenvalues of inverted spinning, up to 2 Omega_crit."""
+    """Return rows of Omega [rad/s], and Re and Im [1/s] of the three eigenvalues of inverted
+    spinning.
+
+    The speeds go up to 2 Omega_crit.
+    """
     rows, crit = [], float(omega_crit(parameters))
     for omega in (crit * step / _STEPS for step in range(1, 2 * _STEPS + 1)):
         eigenvalues = equilibrium(parameters, omega, "inverted", 12).eigenvalues

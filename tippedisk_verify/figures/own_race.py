@@ -43,7 +43,7 @@ class Race(Printable):
         """Return a pandas data frame with a row for each score and the fields of `Score` as columns.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         return data_frame([score.to_dict() for score in self.scores])
 
@@ -71,27 +71,29 @@ def race(
     answers: Sequence[str | Path] = (),
     progress: bool | None = None,
 ) -> Race:
-    """Race integrators of one's own against the suite's and SciPy's, interleaved, warm.
+    """Race integrators of one's own against the suite's and SciPy's.
+
+    The methods run in turns, and warm runs are timed.
 
     Args:
-        solvers: By name, functions of a problem and a relative tolerance that return the states
-            (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
-            has the equations of motion, and ``problem.scalar_rhs`` has them for numba.
-            ``problem.source("c")`` is their text, to be compiled. A text is the command of a program that answers over
-            pipes (`program_method`).
+        solvers: By name, functions of a problem and a relative tolerance that return the states (n,
+            3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
+            evaluates the equations of motion, and ``problem.scalar_rhs`` does so for numba.
+            ``problem.source("c")`` is their text, to be compiled. Instead of a function, the
+            command of a program that answers over pipes is accepted as text (`program_method`).
         problems: Names from `bench --help`, or problems.
         tolerances: The tolerances of the solvers, loosest first.
         against: The names of the suite's methods that run as well.
         answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and
             error or beta, gamma, v (the state at the end).
-        progress: Whether progress is shown.
+        progress: False hides the progress bar.
 
     Returns:
-        The scores, which draw themselves. The status of a solver that fails has the reason.
+        The scores, with a method that draws them. The status of a solver that fails is the reason.
 
     Raises:
-        InputError: for an unknown problem or method, a file of answers that cannot be read, or a
-            program that cannot be started.
+        InputError: If a problem or method is unknown, a file of answers cannot be read, or a
+            program cannot be started.
     """
     chosen = [one if isinstance(one, Problem) else problem_named(one) for one in problems]
     known = {method.name: method for method in METHODS}
@@ -113,7 +115,11 @@ def race(
 
 
 def answered_elsewhere(file: Path) -> list[Score]:
-    """Return the scores of runs that a file holds, under the file's name."""
+    """Read a file of runs made elsewhere, and return their scores under the file's name.
+
+    Raises:
+        InputError: If the file cannot be read, or lacks the columns that `scores_of` needs.
+    """
     return scores_of(file.stem, read_text(file, _LARGEST))
 
 
@@ -121,11 +127,12 @@ def answered_elsewhere(file: Path) -> list[Score]:
 def program_method(
     command: str, tolerances: Sequence[float] = TOLERANCES, name: str = ""
 ) -> Iterator[Method]:
-    """Start a program that integrates, and give it as a competitor.
+    """Start a program that integrates, and yield it as a method of the race.
 
-    It reads a line of JSON with the keys of `bench.own.question` for each run, and writes one with
-    the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts. Raises
-    InputError if it cannot be started.
+    It reads a line of JSON with the keys of `bench.own.question` for each run. It writes one with
+    the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts.
+
+    Raises InputError if the program cannot be started.
     """
     try:
         words = shlex.split(command)
@@ -142,14 +149,21 @@ def program_method(
 
 
 class _Dialogue:
-    """A running program and what it said last."""
+    """An external integrator that runs as a program.
+
+    `solve` sends it a problem and returns its states. ``seconds`` is the time that it reported for
+    its last answer, or None.
+    """
 
     def __init__(self, program: Program) -> None:
         self._program = program
         self.seconds: float | None = None
 
     def solve(self, problem: Problem, tolerance: float) -> Any:
-        """Return the program's states. Raises ArithmeticError if it gives none."""
+        """Send a problem and a tolerance to the program, and return its states.
+
+        Raises ArithmeticError if it gives none.
+        """
         waiting, lines = {problem.name}, list[str]()
 
         def take(line: str) -> None:

@@ -20,7 +20,7 @@ _AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
 def draw_proved_family(proof: BranchProof) -> Any:
-    """Draw a proof whose Hopf end is closed.
+    """Draw the family of a proof whose Hopf end is closed, in four panels.
 
     Returns:
         The Matplotlib figure.

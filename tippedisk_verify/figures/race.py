@@ -42,7 +42,7 @@ _LOOKS = {
     "CVODE Adams": (SKY, "X", "--"),
     "diffrax Dopri8": (SKY, "h", "-"),
 }
-#: Those of integrators that users bring.
+#: The same for integrators that users bring.
 _OWN_LOOKS = ((BLACK, "X", "-"), (SKY, "p", "-"), (BLACK, ">", "--"), (SKY, "*", "--"))
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
     "seconds": "s",
@@ -112,7 +112,7 @@ def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
 
 
 def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, Any]]) -> None:
-    """Draw the scores of a problem."""
+    """Draw the scores of one problem, with a curve for each method."""
     errors = [max(score.error, _LEAST) for score in scores if score.error is not None] or [1.0]
     bottom, top = min(errors) / 10, max(errors) * 10
     axis.set(xscale="log", yscale="log")
@@ -169,7 +169,7 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
 
 
 def race_csv(scores: Sequence[Score]) -> CSV:
-    """Return all measured numbers as a table."""
+    """Return all measured numbers as a header and rows."""
     rows = [score.to_dict() for score in scores]
     header = [
         f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]

@@ -148,7 +148,7 @@ def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
 
     Args:
         panels: The panels.
-        columns: The most columns.
+        columns: The largest number of columns.
 
     Returns:
         The Matplotlib figure.
@@ -185,7 +185,7 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
 
     Args:
         panels: The panels.
-        columns: The most columns.
+        columns: The largest number of columns.
 
     Returns:
         The Matplotlib figure.
@@ -226,7 +226,7 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
 
 
 def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any, ...]:
-    """Return beta, gamma, and v on the slow manifold of orders 0 and 1.
+    """Return beta, gamma, and v on the slow manifold of orders 0 and 1, as arrays over a grid.
 
     The grid reaches ``reach`` [rad] from beta = pi/2.
     """
@@ -244,7 +244,8 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
-    """Return header and rows of each orbit's file, and of the slow manifold's.
+    """Return the header and the rows of each orbit's file, and of the slow manifold's, by file
+    name.
 
     The files are ``scene_X_orbit_N.csv`` and ``scene_X_slow_manifold.csv``. States and heights are
     rounded to `_CSV_DECIMALS`: a picture's data have no half-widths. `integrate` gives states with

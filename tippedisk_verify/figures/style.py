@@ -74,7 +74,7 @@ def grid(
 
     Args:
         count: The number of axes.
-        columns: The most columns.
+        columns: The largest number of columns.
         size: The width and height of each of the axes [inches].
         below: Height for a legend below them [inches].
         **subplot: Options of `add_subplot`.
@@ -116,7 +116,7 @@ def encoded(figure: Any, kind: str) -> bytes:
 
 
 def _power_of_ten(value: float, place: int | None = None) -> str:
-    """Return the label of a logarithmic axis as plain text.
+    """Return the label of a value on a logarithmic axis, as plain text.
 
     Matplotlib's own labels are formulas, and parsing them takes half the time of a figure.
     """

@@ -51,9 +51,9 @@ class BasinBoundary(Printable):
         engine: The integrator.
 
     Raises:
-        InputError: ``omega`` is not a speed.
-        NoSuchCycleError: There is no unstable rotating cycle. Below the fold of the rotating cycles
-            every start lies flat.
+        InputError: If ``omega`` is not a speed.
+        NoSuchCycleError: If there is no unstable rotating cycle. Below the fold of the rotating
+            cycles every start lies flat.
     """
 
     _listed = ("omega", "cycle")
@@ -79,7 +79,7 @@ class BasinBoundary(Printable):
             state: (beta [rad], gamma [rad], v [rad/s]).
 
         Raises:
-            InputError: beta does not lie between 0 and pi, or v is too large.
+            InputError: If beta does not lie between 0 and pi, or v is too large.
         """
         beta, gamma, v = DOUBLE.array(state).tolist()
         if not 0 < beta < math.pi:
@@ -107,7 +107,10 @@ class BasinBoundary(Printable):
         return pi - self._upper(math.pi - gamma, -v), self._upper(gamma, v)
 
     def _upper(self, gamma: float, v: float) -> Measured:
-        """Return beta [rad] on the sheet of larger beta."""
+        """Return beta [rad] on the sheet of larger beta.
+
+        The half-width is from the root after one more turn.
+        """
         root = self._root(gamma, v, self._turns, (0.0, math.pi))
         nearby = max(0.0, root - _SEARCH_RADIUS), min(math.pi, root + _SEARCH_RADIUS)
         again = self._root(gamma, v, self._turns + 1, nearby)
@@ -115,7 +118,7 @@ class BasinBoundary(Printable):
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
-        """Return beta where `_beyond` changes its sign.
+        """Return beta [rad] in an interval where `_beyond` changes its sign.
 
         The ends of the interval stand for states on either side of the sheet.
         """
@@ -154,9 +157,10 @@ class BasinBoundary(Printable):
     def _flight(
         self, state: tuple[float, float, float], duration: float, events: tuple[Event, ...]
     ) -> Result:
-        """Run until the disk lies flat or an event ends the run.
+        """Integrate from a state for a duration [s], or until the disk lies flat or an event ends
+        the run.
 
-        An orbit at rest takes too many steps; it lies inside.
+        A run that comes to rest ends at its step limit; such an orbit lies inside.
         """
         return self.engine(
             Request(self.parameters, self.omega, state, duration, events=events, domain="event")

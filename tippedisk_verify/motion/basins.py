@@ -77,12 +77,14 @@ class Basins(Printable):
         shares = {}
         for index, name in enumerate(OUTCOMES):
             share = float(numpy.count_nonzero(self.outcome == index)) / count
-            # Nothing seen in n tries: less than 3 / n with 95 %.
+            # If n tries show none, the share is below 3 / n with a probability of 95 %.
             shares[name] = share, max(2 * math.sqrt(share * (1 - share) / count), 3 / count)
         return shares
 
     def rows(self) -> list[tuple[float, float, float, str]]:
-        """Return beta [rad], gamma [rad], v [rad/s] and the outcome of each initial state."""
+        """Return a row for each initial state: beta [rad], gamma [rad], v [rad/s] and the outcome's
+        name.
+        """
         states = zip(
             *(part.ravel().tolist() for part in (self.beta, self.gamma, self.outcome)), strict=True
         )
@@ -134,7 +136,7 @@ def basins(
         The initial states and the outcome of each, as arrays (rows, columns).
 
     Raises:
-        InputError: An argument cannot be used.
+        InputError: If an argument cannot be used.
     """
     speed = checked_speed(omega)
     duration, v, known_count = (
@@ -274,12 +276,13 @@ def classified_lanes(
 def _run(
     parameters: Parameters, omega: Fraction, now: Any, duration: float, *, record: bool
 ) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
-    """Run all states for a while.
+    """Integrate all states (n, 3) for a duration [s].
 
     They run in lanes. The default engine, one run at a time, computes what a lane cannot finish.
 
     Returns:
-        The states, True for each disk that lies flat, and the crossings of each run.
+        The states (n, 3) at the end, a mask (n,) of the disks that lie flat, and the crossings of
+        each run by its index. Without ``record`` only crossings into lying flat are recorded.
     """
     events = (_FLAT, _SECTION, _TOP) if record else (_FLAT,)
     count = len(now)

@@ -128,14 +128,16 @@ def integrated(
 
 
 def _rounded_even_times(length: Exact) -> Any:
-    """Return the times since the start, rounded to the extended numbers of the error estimate."""
+    """Return `_SAMPLES` even times from 0 to a length [s], in the extended numbers of the error
+    estimate.
+    """
     return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
 
 
 def _note(request: Request) -> str:
     """Return a warning about the numbers, or an empty text.
 
-    They may have no half-widths, or angles may have been given in degrees.
+    It warns of numbers without half-widths, and of angles that may have been given in degrees.
     """
     unmeasured = "" if request.error_estimate else "without half-widths"
     state, shifted = request.state, request.shifted
@@ -255,15 +257,19 @@ def _solution(
 def _derivatives(
     request: Request, result: Result, variables: Sequence[str]
 ) -> dict[str, Derivative]:
-    """Return the derivatives of a motion by some variables, by the chain rule.
+    """Return the derivatives of a motion with respect to some variables, by name.
 
-    The request's variations are the field's constants that the variables need. The chain rule's
-    factors are exact.
+    They follow by the chain rule. The request's variations are the field's constants that the
+    variables need. The chain rule's factors are exact.
     """
     precision, error = result.precision or request.precision, result.error
 
     def chained(row: Mapping[Any, Fraction], values: Any, estimated: Any) -> tuple[Any, Any]:
-        """Return the sum over the constants, and its half-widths, along the last axis."""
+        """Return the derivative with respect to one variable, and its half-widths.
+
+        It is the sum over the constants, along the last axis, of ``values`` times the factors of
+        ``row``.
+        """
         widths = numpy.full(values.shape, numpy.inf) if estimated is None else estimated
         columns = [request.variations.index(name) for name in row]
         factors = list(row.values())

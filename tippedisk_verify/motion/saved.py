@@ -63,8 +63,9 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> Path:
 
 
 def _entry(values: Any, exact: Any = None) -> dict[str, Any] | None:
-    """Return a number or an array with its arithmetic, and with the numbers that it rounds if these
-    are given.
+    """Return a number or an array as data for JSON: its exact numbers, and its arithmetic's name.
+
+    If ``exact`` is given, it is written in place of ``values``, which rounds it. None stays None.
     """
     if values is None:
         return None
@@ -87,7 +88,7 @@ def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
         path: The file.
 
     Raises:
-        InputError: The file cannot be read, or is not that of a saved result.
+        InputError: If the file cannot be read, or does not hold a saved result.
     """
     content = read_saved(path)
     try:
@@ -98,7 +99,7 @@ def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
     except (KeyError, TypeError, ValueError, ArithmeticError, AttributeError) as fault:
         reason = f"{type(fault).__name__}: {fault}"
         raise InputError(
-            f"{Path(path).name} is damaged, or no saved result: {reason[:120]}"
+            f"{Path(path).name} is damaged, or not a saved result: {reason[:120]}"
         ) from None
 
 

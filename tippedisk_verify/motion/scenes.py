@@ -87,7 +87,7 @@ class Scene(Printable):
             omega_h: Omega_h [rad/s], which some panels need.
 
         Raises:
-            InputError: The panel needs an Omega_h, and none is given.
+            InputError: If the panel needs an Omega_h, and none is given.
         """
         if self.base == "Omega_crit":
             base = omega_crit(parameters, 20)
@@ -116,7 +116,7 @@ def scene_named(name: str) -> Scene:
         name: The letter.
 
     Raises:
-        InputError: There is no such panel.
+        InputError: If there is no such panel.
     """
     for scene in SCENES:
         if scene.name == name:
@@ -193,9 +193,9 @@ def compute(
         The panel with both orbits and their attractors.
 
     Raises:
-        InputError: The panel needs an Omega_h and none is given, or the engine does not measure its
-            errors.
-        AccuracyError: An integration fails.
+        InputError: If the panel needs an Omega_h and none is given, or the engine does not measure
+            its errors.
+        AccuracyError: If an integration fails.
     """
     if not engine.measures_error:
         raise InputError(
@@ -281,7 +281,7 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
 
 
 def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
-    """Return a cycle of that kind if the amplitudes converge to one."""
+    """Return the ending on a cycle of that kind if the amplitudes converge to one, or "undecided"."""
     error = _CROSSING_ERROR
     changes = [after - before for before, after in pairwise(amplitudes)]
     # The rate is measured where changes exceed the amplitudes' own error; the last of these are
@@ -327,7 +327,7 @@ def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
         result: The orbit, with samples and dense output.
 
     Raises:
-        InputError: The result has no dense output.
+        InputError: If the result has no dense output.
     """
     when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
     return when, abs(from_inverted(states[:, 1]))
@@ -344,7 +344,7 @@ def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
         omega: The spinning speed [rad/s].
 
     Raises:
-        InputError: The result has no dense output.
+        InputError: If the result has no dense output.
     """
     when, states = _crossings(
         times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
@@ -373,7 +373,7 @@ def _crossings(
         raise InputError("crossings of a section need dense output")
     offsets = offset(result.samples[1:])
     left, right = offsets[:-1], offsets[1:]
-    # An angle's jump is no crossing
+    # An angle's jump is not a crossing
     index = numpy.flatnonzero((left * right < 0) & (abs(left - right) < math.pi))
     if not len(index):
         return numpy.empty(0), numpy.empty((0, 3))
@@ -386,9 +386,10 @@ def _crossings(
 
 
 def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Result]:
-    """Return the time at which the disk lies flat.
+    """Return the ending of an orbit whose disk lies flat, and the result of the run that timed it.
 
-    Its half-width holds the error of the integration and the effect of the speed's own uncertainty.
+    The time's half-width holds the error of the integration and the effect of the speed's own
+    uncertainty. Raises AccuracyError if rounding decides whether the disk lies flat.
     """
     bare = replace(request, times=None, dense=False)
     timed = engine(replace(bare, error_estimate=True))

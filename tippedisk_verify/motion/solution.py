@@ -35,7 +35,9 @@ _PLOTTED = 4001  # the number of times in a plot
 
 
 class Derivative(NamedTuple):
-    """The derivative of a motion by one variable at fixed times, in SI units, with half-widths."""
+    """The derivative of a motion with respect to one variable at fixed times, in SI units, with
+    half-widths.
+    """
 
     end: Any  #: (3,) of the end's beta, gamma [rad] and v [rad/s]
     end_uncertainty: Any  #: (3,)
@@ -56,9 +58,9 @@ class Solution(Printable):
       terminal event ends the run, as ``status`` and ``message`` report.
     - ``events`` are the recorded crossings. Like ``end`` they have half-widths of their time and
       state.
-    - ``by["mu"]`` is the derivative of the end and of the states by mu, a `Derivative`, if
-      ``variations`` asked for it; likewise for omega, the other parameters, and the start's beta,
-      gamma and v.
+    - ``by["mu"]`` is the derivative of the end and of the states with respect to mu, a
+    `Derivative`. The other keys are omega, the other parameters, and the start's beta, gamma and v,
+    as far as ``variations`` asked for them.
     - ``transition`` (3, 3) is the derivative of the end's state with respect to the start's, and
       ``by_omega`` (3,) [s] that with respect to the speed (rows as in ``y``). Both are taken at a
       fixed time, and are None unless ``variations`` asked for them.
@@ -156,7 +158,7 @@ class Solution(Printable):
             t: A time or times [s].
 
         Raises:
-            InputError: A time lies outside the run, or the solution was loaded.
+            InputError: If a time lies outside the run, or the solution was loaded.
         """
         (engine, request), asked = self._run, entries(t)
         end = self._final if self.status is Status.REACHED else exact(self.end.time)
@@ -216,8 +218,8 @@ class Solution(Printable):
             The path of the file written.
 
         Raises:
-            InputError: The friction law is a user's own, a state is not finite, or the file cannot be
-                written.
+            InputError: If the friction law is a user's own, a state is not finite, or the file
+                cannot be written.
         """
         from tippedisk_verify.motion.saved import save_solution
 
@@ -230,7 +232,7 @@ class Solution(Printable):
         beta_uncertainty and so on.
 
         Raises:
-            InputError: pandas is not installed.
+            InputError: If pandas is not installed.
         """
         widths = (f"{name}_uncertainty" for name in _STATE)
         names = ("t", *_STATE, *widths)

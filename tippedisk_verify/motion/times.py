@@ -74,7 +74,11 @@ def decimal_time(time: Exact) -> str:
 
 
 def span_of(time: Any) -> tuple[Exact, Exact]:
-    """Return the start and the end of the run [s] from a duration or a pair."""
+    """Return the start and the end of the run [s] from a duration or a pair.
+
+    Raises:
+        InputError: If ``time`` is neither, or does not lie within 1e300 s of 0.
+    """
     ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
     if len(ends) != 2:
         raise InputError(
@@ -88,7 +92,7 @@ def span_of(time: Any) -> tuple[Exact, Exact]:
 
 
 def since_start(start: Exact, end: Exact, times: Any) -> tuple[list[Exact], list[Exact]]:
-    """Return the exact times, and the same times since the start.
+    """Return the times as exact numbers, and the same times counted from the start.
 
     A time outside the run that equals one of its ends as a double means that end.
     """

@@ -188,7 +188,7 @@ class Plan:
         return math.prod(len(values) for _, values in self.axes)
 
     def points(self) -> Iterator[dict[str, str]]:
-        """Yield every combination of the axes' values; the last axis varies fastest."""
+        """Yield every point, a value for each axis by name; the last axis varies fastest."""
         names = [name for name, _ in self.axes]
         for values in itertools.product(*(values for _, values in self.axes)):
             yield dict(zip(names, values, strict=True))
@@ -214,8 +214,8 @@ def computed(
         point: The inputs by name.
 
     Returns:
-        The row: the point, the numbers with their half-widths, and ``status``. This is ok, or the
-            reason why there are no numbers.
+        The row: the point, the numbers with their half-widths, and ``status``. The status is ok, or
+        the reason why there are no numbers.
     """
     row = dict(point)
     changes = {name: value for name, value in point.items() if name in SYMBOLS}

@@ -56,7 +56,7 @@ def swept(
     journal = out.with_name(f".{out.name}.journal")
     with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
         rows = _taken_up(journal, plan)
-        advance("taken up", len(rows))
+        advance("resumed", len(rows))
 
         def discard() -> None:
             if not rows:  # nothing is lost with it
@@ -74,7 +74,11 @@ def swept(
 
 
 def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers) -> Iterator[Row]:
-    """Yield the missing rows, each after it has been written to the journal."""
+    """Yield the missing rows, each after it has been written to the journal and added to ``rows``.
+
+    The executor is made again if its processes die. Raises AccuracyError if that yields no row, or
+    its workers have other code.
+    """
     with open(journal, "ab") as stream:
         if not stream.tell():
             stream.write(_head(plan))
@@ -101,7 +105,7 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
 def _run(
     plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None
 ) -> Iterator[tuple[int, Row]]:
-    """Yield each point's row as soon as it is computed."""
+    """Yield the index and the row of each missing point, as soon as the row is computed."""
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
         yield from ((index, computed(*asked, point)) for index, point in missing)
@@ -127,7 +131,7 @@ def _line(index: int, row: Mapping[str, str]) -> bytes:
 
 
 def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
-    """Read the rows of an interrupted run.
+    """Return the rows of an interrupted run by index, read from its journal.
 
     The file is truncated at the first line that `_line` did not write.
 
