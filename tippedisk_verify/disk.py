@@ -548,6 +548,7 @@ class Disk(Parameters):
         self,
         omegas: Sequence[object] | None = None,
         *,
+        half_widths: bool = True,
         engine: Engine | None = None,
         progress: bool | None = None,
     ) -> list[RotatingCycle | MissingCycle]:
@@ -558,6 +559,7 @@ class Disk(Parameters):
         Args:
             omegas: The speeds [rad/s]. If left out, an overview runs from just below Omega_h
                 through the fold to 0.5 rad/s above Omega_crit.
+            half_widths: False leaves out half-widths, as in `branch`.
             engine: The integrator.
             progress: False hides the progress bar.
 
@@ -575,7 +577,7 @@ class Disk(Parameters):
         )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
-        cycles = rotating_branch(self, self._engine(engine), speeds)
+        cycles = rotating_branch(self, self._engine(engine), speeds, half_widths=half_widths)
         total = 2 * len(speeds or ()) or DEFAULT_ROTATIONS
         return not_all_missing(watched(cycles, "limit cycles", total, progress))
 
@@ -609,16 +611,16 @@ class Disk(Parameters):
     ) -> Branch:
         """Find the family of limit cycles at several speeds, as arrays with half-widths.
 
-        A speed with several cycles yields all of them. A hundred speeds or more are rounded to
-        doubles, and under the linear law their cycles are computed together in batches of the
+        A speed with several cycles yields all of them. Under the linear law a hundred speeds or
+        more are rounded to doubles, and their cycles are computed together in batches of the
         Taylor engine.
 
         Args:
             omegas: The speeds [rad/s]; a single text or number is one speed. If left out, an even
                 overview of the family.
             paper_sets: Use the paper's speeds A^in and A^de.
-            half_widths: False leaves out half-widths, as in `limit_cycle`. With a hundred speeds or
-                more they are always given.
+            half_widths: False leaves out half-widths, as in `limit_cycle`. Cycles that are computed
+                together always have them.
             engine: The integrator.
             progress: False hides the progress bar, which appears on standard error after two
                 seconds.

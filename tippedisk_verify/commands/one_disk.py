@@ -317,7 +317,7 @@ def branch(
     )
     cycles: Sequence[LimitCycle | RotatingCycle | MissingCycle]
     if rotating:
-        cycles = disk.rotating_branch(speeds, progress=seen)
+        cycles = disk.rotating_branch(speeds, half_widths=half_widths, progress=seen)
     else:
         cycles = disk.branch(
             speeds, paper_sets=paper_sets, half_widths=half_widths, progress=seen

@@ -202,7 +202,7 @@ class Branch(Printable):
         if whole(count, 2, _MOST_SPEEDS) is None:
             raise InputError(f"a branch has 2 to {_MOST_SPEEDS} cycles, not {shown(count)}")
         disk = locator(found(self.cycles)[0].parameters, default_engine())
-        return Branch.of(_piece(disk, going_on.index(name), count))
+        return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
     def __len__(self) -> int:
         return len(self.cycles)
@@ -428,8 +428,8 @@ def family(
         engine: The engine of the flights.
         paper_sets: If True, take the paper's speeds.
         omegas: The speeds [rad/s], positive decimals; None for the overview.
-        half_widths: If False, the numbers have no half-widths. The overview always has them. So do
-            a hundred or more speeds of the linear law, except those that are solved alone.
+        half_widths: If False, the numbers have no half-widths. A hundred or more speeds of the
+            linear law always have them, except those that are solved alone.
 
     Raises:
         InputError: If a speed is not a positive decimal, or there are too many.
@@ -438,7 +438,7 @@ def family(
     if paper_sets:
         speeds = [Fraction(speed) for speed in paper_speeds(parameters, disk_locator.omega_h)]
     elif omegas is None:
-        return _overview(disk_locator)
+        return _overview(disk_locator, half_widths)
     else:
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MOST_SPEEDS:
@@ -488,7 +488,7 @@ def _at(
         yield from rows
 
 
-def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
+def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
     """Yield cycles along the family, closer together towards the ends of its pieces.
 
     They stay a thousandth of a piece, or as far as doubles need, from its ends. A piece that is too
@@ -502,10 +502,12 @@ def _overview(disk_locator: Locator) -> Iterator[LimitCycle]:
     for piece in range(len(breaks) - 1):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
         count = max(_FEWEST_ON_PIECE, round(DEFAULT_COUNT * share))
-        yield from _piece(disk_locator, piece, count)
+        yield from _piece(disk_locator, piece, count, half_widths)
 
 
-def _piece(disk_locator: Locator, piece: int, count: int) -> Iterator[LimitCycle]:
+def _piece(
+    disk_locator: Locator, piece: int, count: int, half_widths: bool
+) -> Iterator[LimitCycle]:
     """Yield ``count`` cycles on a piece of the family, closer together towards its ends.
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
@@ -522,12 +524,18 @@ def _piece(disk_locator: Locator, piece: int, count: int) -> Iterator[LimitCycle
         place = (2 * n - count + 1) / (count - 1)
         omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
         location = disk_locator.librating(Fraction(omega))
-        yield from (location.cycle(start) for start in location.starts if start.piece == piece)
+        for start in location.starts:
+            if start.piece == piece:
+                yield location.cycle(start, half_widths=half_widths)
 
 
 # ----------------------------------------------------------------------------------------- rotating
 def rotating_branch(
-    parameters: Parameters, engine: Engine, omegas: Sequence[object] | None = None
+    parameters: Parameters,
+    engine: Engine,
+    omegas: Sequence[object] | None = None,
+    *,
+    half_widths: bool = True,
 ) -> Iterator[RotatingCycle | MissingCycle]:
     """Return an iterator of rotating cycles: at each speed the stable one, then the unstable one;
     or an overview.
@@ -540,22 +548,24 @@ def rotating_branch(
         parameters: The disk and its friction law.
         engine: The engine of the flights.
         omegas: The speeds [rad/s], positive decimals; None for the overview.
+        half_widths: If False, the numbers have no half-widths, except where many are solved
+            together.
 
     Raises:
         InputError: If a speed is not a positive decimal.
     """
     disk_locator = locator(parameters, engine)
     if omegas is None:
-        return _rotating_overview(disk_locator)
+        return _rotating_overview(disk_locator, half_widths)
     return _at(
         disk_locator,
         ROTATING,
-        lambda speed: disk_locator.rotating(speed).cycles(),
+        lambda speed: disk_locator.rotating(speed).cycles(half_widths=half_widths),
         checked_speeds(omegas),
     )
 
 
-def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
+def _rotating_overview(disk_locator: Locator, half_widths: bool) -> Iterator[RotatingCycle]:
     """Yield an overview of the rotating cycles: stable ones from Omega_h down to the fold, then
     unstable ones upward.
 
@@ -570,8 +580,8 @@ def _rotating_overview(disk_locator: Locator) -> Iterator[RotatingCycle]:
     for n in range(half, 0, -1):
         yield from disk_locator.rotating(
             fold + below * Fraction(n * n, half * half + 1), stable=True
-        ).cycles()
+        ).cycles(half_widths=half_widths)
     for n in range(1, half + 1):
         yield from disk_locator.rotating(
             fold + beyond * Fraction(n * n, half * half), stable=False
-        ).cycles()
+        ).cycles(half_widths=half_widths)

@@ -429,14 +429,20 @@ class Measured(Bounded):
         text, change = at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
         return text, rounded_up(self.uncertainty + change)
 
-    def to_dict(self) -> dict[str, str]:
-        """Return ``{"value": "<decimal>", "uncertainty": "<decimal>"}``."""
+    def to_dict(self) -> dict[str, str | None]:
+        """Return ``{"value": "<decimal>", "uncertainty": "<decimal>"}``.
+
+        The uncertainty of a number whose error was not measured is None, null in JSON.
+        """
         value, uncertainty = self.decimals()
-        return {"value": value, "uncertainty": uncertainty}
+        return {"value": value, "uncertainty": uncertainty if self.is_measured else None}
 
     def _repr_html_(self) -> str:
         """Return the value and the half-width as an HTML table for notebooks."""
-        rows = (f"<tr><th>{name}</th><td>{text}</td></tr>" for name, text in self.to_dict().items())
+        rows = (
+            f"<tr><th>{name}</th><td>{text or 'not measured'}</td></tr>"
+            for name, text in self.to_dict().items()
+        )
         return f"<table>{''.join(rows)}</table>"
 
     def __str__(self) -> str:

@@ -229,7 +229,8 @@ def with_widths(values: Any, widths: Any) -> Any:
         widths: The half-widths, of the same shape.
 
     Returns:
-        Lists of the arrays' shape, with a value and an uncertainty as texts for each number.
+        Lists of the arrays' shape, with a value and an uncertainty as texts for each number. The
+        uncertainty is None if the half-width is infinite.
     """
     if hasattr(values, "__len__"):
         return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
@@ -237,7 +238,7 @@ def with_widths(values: Any, widths: Any) -> Any:
     if not math.isfinite(widths):
         number = plain_number(values)
         text = repr(number) if isinstance(number, float) else exact_decimals(fraction(number))[0]
-        return {"value": text, "uncertainty": "infinite"}
+        return {"value": text, "uncertainty": None}
     return Measured.of(values, float(widths)).to_dict()
 
 
@@ -328,8 +329,8 @@ def _measured(value: Any) -> bool:
 
 def _cell(value: Any) -> str:
     if _measured(value):
-        text, width = str(value["value"]), str(value["uncertainty"])
-        if width == "infinite":
+        text, width = str(value["value"]), value["uncertainty"]
+        if width is None:
             return f"{text} (no half-width)"
         return text if width == "0" else f"{text} ± {width}"
     if isinstance(value, dict):
