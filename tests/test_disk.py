@@ -299,8 +299,8 @@ def test_one_event_or_time_needs_no_list() -> None:
 
 
 def test_keywords_of_solve_ivp_are_explained() -> None:
-    with pytest.raises(UnknownKeywordError, match=r"no rtol: `digits`.*`engine`"):
-        tv.Disk("table1").integrate("30.4", START, 1, rtol=1e-9)
+    with pytest.raises(UnknownKeywordError, match=r"no atol: `digits` or `rtol`.*`engine`"):
+        tv.Disk("table1").integrate("30.4", START, 1, rtol=1e-9, atol=1e-9)
 
 
 # ------------------------------------------------------------------------------------- limit cycles

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import answer
 from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.peers import PEERS
 from tippedisk_verify.bench.problems import PROBLEMS, problem_named
-from tippedisk_verify.bench.race import Score, machine, raced, ratios
+from tippedisk_verify.bench.race import Score, raced, ratios
 from tippedisk_verify.figures.race import draw_bench
 
 TRANSIENT = problem_named("transient")
@@ -100,19 +99,6 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
     assert [row["scipy_over_heyoka"] for row in found] == [10.0, 300.0, 150.0, None, None]
     assert [row["peer_over_heyoka"] for row in found] == [50.0, 50.0, 25.0, 25.0, None]
     assert (found[-1]["scipy"], found[-1]["peer"], found[-1]["heyoka_seconds"]) == (None, None, 2.0)
-
-
-@pytest.mark.slow
-def test_the_command_writes_figure_and_data(tmp_path: Path) -> None:
-    result = answer(f"bench --only transient --out {tmp_path}")
-    assert {"problem", "method", "setting", "error", "seconds", "status"} <= set(result["runs"][0])
-    assert result["machine"] == machine()
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "bench.csv",
-        "bench.json",
-        "bench.png",
-        "bench.svg",
-    ]
 
 
 def test_problems_are_named_once() -> None:

@@ -13,16 +13,16 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import assert_refused, printed
+from tests.command_line import answer, assert_refused
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
-from tippedisk_verify.bench.race import raced
+from tippedisk_verify.bench.race import machine, raced
 from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
@@ -56,6 +56,14 @@ static void advance(double *y, double t, double end, double tolerance) {
 def blocks(language: str) -> list[str]:
     """Return the code of the page in a language, block by block."""
     return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+
+
+class Plain(ModuleType):
+    """A replacement of numba that compiles nothing."""
+
+    def __init__(self) -> None:
+        super().__init__("numba")
+        self.njit = lambda function: function
 
 
 def independent_errors(states: np.ndarray) -> np.ndarray:
@@ -96,7 +104,7 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
     Errors are compared with those of another run, to two digits.
     """
     if importlib.util.find_spec("numba") is None:
-        monkeypatch.setitem(sys.modules, "numba", SimpleNamespace(njit=lambda function: function))  # type: ignore[arg-type]
+        monkeypatch.setitem(sys.modules, "numba", Plain())
     monkeypatch.chdir(tmp_path)
     (program,), (answers,) = blocks("c"), blocks("text")
     Path("mine.c").write_text(TRANSIENT.source("c") + ADVANCE + program)
@@ -119,6 +127,7 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
     error = independent_errors(np.tile(end, (20, 1)))[-1].max()
     assert found["elsewhere", "1e-6"].error == pytest.approx(error, rel=0.01)
     assert found["elsewhere", "1e-6"].seconds == 0.02
+    assert "times longer (my" in str(names["race"])
     assert Path("race.png").stat().st_size > 10_000
     (panel,) = names["race"].plot().axes
     assert {"my BDF", "my RK4", "my C", "elsewhere"} <= {line.get_label() for line in panel.lines}
@@ -133,22 +142,30 @@ def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> N
         assert np.allclose(problem.scalar_rhs(0, y), problem.rhs(0, y), rtol=1e-13)
 
 
-@pytest.mark.slow
-def test_the_command_shows_a_program_and_runs_made_elsewhere(tmp_path: Path) -> None:
+@pytest.mark.slow(minutes=0.5)
+def test_the_command_writes_a_program_and_runs_made_elsewhere(tmp_path: Path) -> None:
     program, answers, folder = tmp_path / "mine.py", tmp_path / "elsewhere.csv", tmp_path / "out"
     program.write_text(
         "import json\nwhile True:\n    state = json.loads(input())['state']\n"
-        "    print(json.dumps({'states': [state] * 20, 'seconds': 0.5}), flush=True)\n"
+        "    print(json.dumps({'states': [state] * 20, 'seconds': 2.5}), flush=True)\n"
     )
     answers.write_text("problem,setting,seconds,error\ntransient,loose,0.02,1e-5\n")
     command = f"bench --only transient --program '{sys.executable} {program}' --answers {answers}"
-    printed(f"{command} --out {folder} --quiet")
-    runs = json.loads((folder / "bench.json").read_text())["runs"]
-    mine, other = ([r for r in runs if r["method"] == name] for name in ("mine", "elsewhere"))
+    result = answer(f"{command} --out {folder}")
+    assert result["machine"] == machine()
+    runs = result["runs"]
+    assert {"problem", "method", "setting", "error", "seconds", "status"} <= set(runs[0])
+    assert json.loads((folder / "bench.json").read_text())["runs"] == runs
+    assert len((folder / "bench.csv").read_text().splitlines()) == len(runs) + 1
+    assert {"bench.png", "bench.svg"} < {path.name for path in folder.iterdir()}
+    mine, other = (
+        [run for run in runs if run["method"] == name]
+        for name in (f"{sys.executable} {program}", "elsewhere")
+    )
     assert [run["setting"] for run in mine] == ["1e-04", "1e-06", "1e-08", "1e-10", "1e-12"]
     # By the program's own clock
-    assert (mine[0]["status"], mine[0]["seconds"]) == ("reached", 0.5)
-    assert mine[1]["status"].startswith("not run: the setting before took 0.5 s")
+    assert (mine[0]["status"], mine[0]["seconds"]) == ("reached", 2.5)
+    assert mine[1]["status"].startswith("not run: the setting before took 2.5 s")
     assert [(run["seconds"], run["error"]) for run in other] == [(0.02, 1e-5)]
 
 
@@ -170,17 +187,18 @@ def test_a_file_of_answers_without_times_and_errors_is_refused(tmp_path: Path) -
             lambda problem, tolerance: np.zeros((2, 3)),
             "the states at problem.times are an array (20, 3)",
         ),
+        (lambda problem, tolerance: problem, "an array (20, 3), not Problem"),
         (lambda problem, tolerance: np.full((20, 3), np.nan), "a state is not finite"),
         (lambda problem, tolerance: 1 / 0, "division by zero"),
     ],
 )
 def test_a_solver_that_fails_has_a_score_that_says_why(solver: object, said: str) -> None:
-    race = tv.race(
-        {"bad": solver}, problems=["transient"], tolerances=[1e-6], against=[], progress=False
-    )
+    race = tv.race({"bad": solver}, problems="transient", tolerances=1e-6, against=())
     (score,) = race.scores
     assert score.status.startswith("failed: ")
     assert said in score.status
+    with pytest.raises(tv.InputError, match="solvers are a dictionary"):
+        tv.race(solver)
 
 
 def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:

@@ -99,9 +99,8 @@ def test_half_widths_hold_the_error_that_a_tolerance_leaves(friction: tv.Frictio
         ({"rtol": 1e-6, "digits": 20}, "either rtol or digits"),
         ({"rtol": 2}, "between 0 and 1"),
         ({"rtol": "x"}, "x"),
-        ({"rtol": 1e-6, "atol": 1e-9}, "`rtol` sets the accuracy"),
     ):
-        with pytest.raises((tv.InputError, TypeError), match=said):
+        with pytest.raises(tv.InputError, match=said):
             disk.integrate("30.4", start, 3, **options)
 
 

@@ -52,6 +52,7 @@ class Method:
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]  #: does what is done once: compiling, allocating
     fits: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
+    patience: float = 0.3  #: [s]; after a longer run its tighter settings are left out
 
     def label(self, setting: Any) -> str:
         """Return a setting as text."""

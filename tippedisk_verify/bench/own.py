@@ -26,6 +26,7 @@ Solver = Callable[[Problem, float], Any]
 OWN = "own"
 #: The tolerances at which an integrator runs if none are named, loosest first.
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
+_PATIENCE = 2.0  # s; after a longer run the tighter tolerances are left out
 _COLUMNS = ("problem", "setting", "seconds")
 _STATE = ("beta", "gamma", "v")
 
@@ -33,7 +34,7 @@ _STATE = ("beta", "gamma", "v")
 def method_of(
     name: str,
     solver: Solver,
-    tolerances: Sequence[float] = TOLERANCES,
+    tolerances: float | Sequence[float] = TOLERANCES,
     clock: Callable[[], float | None] | None = None,
 ) -> Method:
     """Return a user's integrator as a method of the race.
@@ -55,7 +56,7 @@ def method_of(
 
         return Prepared(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
 
-    return Method(name, OWN, tuple(tolerances), prepare)
+    return Method(name, OWN, tuple(numpy.ravel(tolerances).tolist()), prepare, patience=_PATIENCE)
 
 
 def states_of(answer: Any, problem: Problem) -> Any:
@@ -63,10 +64,14 @@ def states_of(answer: Any, problem: Problem) -> Any:
 
     Raises ValueError unless it has a finite state for each time.
     """
-    states = numpy.asarray(answer, float)
     wanted = (len(problem.times), 3)
-    if states.shape != wanted:
-        raise ValueError(f"the states at problem.times are an array {wanted}, not {states.shape}")
+    try:
+        states = numpy.asarray(answer, float)
+        what: object = states.shape
+    except TypeError:
+        what = type(answer).__name__
+    if what != wanted:
+        raise ValueError(f"the states at problem.times are an array {wanted}, not {what}")
     if not numpy.isfinite(states).all():
         raise ValueError("a state is not finite")
     return states

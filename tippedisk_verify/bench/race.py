@@ -25,7 +25,7 @@ __all__ = ["Score", "machine", "raced", "ratios"]
 
 _REPEATS = 5  # at most
 _BRIEF = 0.03  # s; longer runs are repeated less often
-_LONG = 0.3  # s; after a longer run, a method's tighter settings are left out
+_LONG = 0.3  # s; longer runs are not repeated
 _BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
 # The group that each family is compared in.
 _GROUPS = {
@@ -34,6 +34,7 @@ _GROUPS = {
     "cvode": "peer",
     "diffrax": "peer",
     "numbalsoda": "peer",
+    "own": "own",
 }
 
 
@@ -77,7 +78,6 @@ def raced(
     problems: Sequence[Problem] = PROBLEMS,
     methods: Sequence[Method] = METHODS,
     advance: Callable[[str, int], None] = lambda label, steps: None,
-    mapping: Callable[..., Iterable[Any]] = map,
 ) -> list[Score]:
     """Run every method at every setting on every problem that it can solve.
 
@@ -85,8 +85,6 @@ def raced(
         problems: The problems.
         methods: The methods.
         advance: A function that is called with a label and 1 before each method.
-        mapping: ``map``, or an executor's, which computes the true solutions in other processes.
-            They are not timed.
 
     Returns:
         A score for each run, failed ones included.
@@ -94,7 +92,6 @@ def raced(
     scores = []
     # Quadruple precision is enough to measure the errors of all settings except these.
     sharp = any({"quadruple", "50 digits"} & set(method.settings) for method in methods)
-    truths = iter(mapping(partial(truth_of, sharp=sharp), problems))
     for problem in problems:
         entries = []
         for method in methods:
@@ -111,7 +108,7 @@ def raced(
                     if entry.seconds[0] <= _BRIEF:
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
-        truth = next(truths)
+        truth = truth_of(problem, sharp)
         scores += [_score(entry, truth) for entry in entries]
     return scores
 
@@ -142,7 +139,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
     for setting in method.settings:
         entry = _Entry(problem, method, setting)
         entries.append(entry)
-        if longest > _LONG:
+        if longest > method.patience:
             entry.status = f"not run: the setting before took {longest:.1f} s"
             continue
         begin = time.perf_counter()
@@ -219,8 +216,9 @@ def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
 
     Returns:
         A row for each problem and bound, with the fastest method and setting of each group.
-        ``scipy_over_heyoka`` and ``peer_over_heyoka`` are ratios of run times. An entry is None if
-        no run of a group is within the bound. Bounds that no run reaches are left out.
+        ``scipy_over_heyoka``, ``peer_over_heyoka`` and ``own_over_heyoka`` are ratios of run times.
+        An entry is None if no run of a group is within the bound. Bounds that no run reaches are
+        left out.
     """
     rows: list[dict[str, Any]] = []
     for problem in dict.fromkeys(score.problem for score in scores):
@@ -245,7 +243,7 @@ def _row(best: dict[str, Score]) -> dict[str, Any]:
     seconds = {group: score.seconds or 0.0 for group, score in best.items()}
     ours = seconds.get("heyoka")
     row: dict[str, Any] = {"heyoka": labels.get("heyoka"), "heyoka_seconds": ours}
-    for group in ("scipy", "peer"):
+    for group in ("scipy", "peer", "own"):
         over = None if ours is None or group not in seconds else seconds[group] / ours
         row |= {group: labels.get(group), f"{group}_over_heyoka": over}
     return row

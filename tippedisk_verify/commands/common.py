@@ -398,9 +398,7 @@ def alone_in(out: str | None) -> Path | None:
 
 # --------------------------------------------------------------------------------------- processes
 @contextmanager
-def processes(
-    jobs: int | None, *, needed: bool = True, even_one: bool = False
-) -> Iterator[Executor | None]:
+def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
     """Yield a pool of new processes, or None if this process is enough.
 
     Ctrl-C reaches this process only, and the pool always ends with it.
@@ -408,13 +406,12 @@ def processes(
     Args:
         jobs: The number of processes; None for the number of cores.
         needed: False to yield None in any case.
-        even_one: True to make a pool even for a single process.
 
     Raises:
         InputError: If `jobs` is out of range.
     """
     workers = checked_jobs(jobs) or usable_cores()
-    if (workers == 1 and not even_one) or not needed:
+    if workers == 1 or not needed:
         yield None
         return
     from tippedisk_verify.commands.workers import Pool, kill_workers

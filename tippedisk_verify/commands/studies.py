@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
-from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +24,7 @@ from tippedisk_verify.commands.common import (
     workers_of,
 )
 from tippedisk_verify.files import write_csv, write_text
-from tippedisk_verify.parallel import as_done, map_of
+from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
 
 __all__ = ["COMMANDS"]
@@ -101,54 +99,29 @@ def bench(
 ) -> int:
     from tippedisk_verify.bench.methods import METHODS
     from tippedisk_verify.bench.peers import peer_methods
-    from tippedisk_verify.bench.problems import PROBLEMS, problem_named
-    from tippedisk_verify.bench.race import machine, raced, ratios
-    from tippedisk_verify.figures.own_race import answered_elsewhere, program_method
+    from tippedisk_verify.bench.problems import PROBLEMS
+    from tippedisk_verify.bench.race import machine, ratios
+    from tippedisk_verify.figures.own_race import race
 
-    problems = [problem_named(name) for name in dict.fromkeys(only)] or PROBLEMS
-    elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
     folder = alone_in(out)
-    with ExitStack() as running:
-        own = () if program is None else (running.enter_context(program_method(program)),)
-        methods = (*METHODS, *(peer_methods() if peers else ()), *own)
-        total = sum(method.fits(problem) for method in methods for problem in problems)
-        advance = running.enter_context(output.progress(total))
-        # A second process computes the true solutions while this one is timed.
-        pool = running.enter_context(processes(1, needed=len(problems) > 1, even_one=True))
-        scores = [*raced(problems, methods, advance, map_of(pool)), *elsewhere]
-    runs = [score.to_dict() for score in scores]
-    result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(scores)}
+    found = race(
+        {} if program is None else {program: program},
+        problems=tuple(dict.fromkeys(only)) or PROBLEMS,
+        against=(*METHODS, *(peer_methods() if peers else ())),
+        answers=answers,
+        progress=not output.quiet,
+    )
+    runs = [score.to_dict() for score in found.scores]
+    result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(found.scores)}
     if folder is not None:
-        from tippedisk_verify.figures.race import draw_bench, race_csv
+        from tippedisk_verify.figures.race import race_csv
         from tippedisk_verify.figures.style import save
 
         write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
-        if scores:
-            write_csv(folder / "bench.csv", *race_csv(scores))
-            save(draw_bench(scores), folder, "bench")
-    output.show(result, _bench_lines(result))
+        write_csv(folder / "bench.csv", *race_csv(found.scores))
+        save(found.plot(), folder, "bench")
+    output.show(result, str(found).splitlines())
     return 0
-
-
-def _bench_lines(result: dict[str, Any]) -> Iterator[str]:
-    def shown(run: dict[str, Any]) -> Iterator[str]:
-        yield from (run["problem"], run["method"], run["setting"])
-        yield "" if run["seconds"] is None else f"{run['seconds'] * 1e3:.4f}"
-        yield "" if run["error"] is None else f"{run['error']:.1e}"
-        yield "" if run["status"] == "reached" else run["status"]
-
-    yield from table(
-        ("problem", "method", "setting", "time [ms]", "error", "status"),
-        map(list, map(shown, result["runs"])),
-    )
-    for row in result["ratios"]:
-        slower = [
-            f"{label} {row[name + '_over_heyoka']:.3g} times longer ({row[name]})"
-            for name, label in (("scipy", "SciPy"), ("peer", "the best peer"))
-            if row[f"{name}_over_heyoka"] is not None
-        ]
-        ours = "heyoka does not reach it" if row["heyoka"] is None else row["heyoka"]
-        yield f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join([ours, *slower])}"
 
 
 # ------------------------------------------------------------------------------------------ stress

@@ -13,7 +13,7 @@ from typing import Any
 from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.own import TOLERANCES, Solver, method_of, question, scores_of
 from tippedisk_verify.bench.problems import Problem, problem_named
-from tippedisk_verify.bench.race import Score, raced
+from tippedisk_verify.bench.race import Score, raced, ratios
 from tippedisk_verify.conformance.dialogue import Program, started
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.race import draw_bench
@@ -22,7 +22,7 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.results import Printable, data_frame
 from tippedisk_verify.progress import progress_of
 
-__all__ = ["Race", "answered_elsewhere", "program_method", "race"]
+__all__ = ["Race", "program_method", "race"]
 
 _AGAINST = ("taylor", "with half-widths, digits", "scipy DOP853", "scipy LSODA", "scipy Radau")
 _LARGEST = 2**24  # bytes of a file of answers
@@ -37,7 +37,7 @@ class Race(Printable):
 
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
-        return "\n".join([head, *map(_line, self.scores)])
+        return "\n".join([head, *map(_line, self.scores), *map(_comparison, ratios(self.scores))])
 
     def to_dataframe(self) -> Any:
         """Return a pandas data frame with a row for each score and the fields of `Score` as columns.
@@ -65,10 +65,10 @@ def _line(score: Score) -> str:
 def race(
     solvers: Mapping[str, Solver | str],
     *,
-    problems: Sequence[str | Problem] = ("cycle",),
-    tolerances: Sequence[float] = TOLERANCES,
-    against: Sequence[str] = _AGAINST,
-    answers: Sequence[str | Path] = (),
+    problems: str | Problem | Sequence[str | Problem] = "cycle",
+    tolerances: float | Sequence[float] = TOLERANCES,
+    against: str | Sequence[str | Method] = _AGAINST,
+    answers: str | Path | Sequence[str | Path] = (),
     progress: bool | None = None,
 ) -> Race:
     """Race integrators of one's own against the suite's and SciPy's.
@@ -76,14 +76,15 @@ def race(
     The methods run in turns, and warm runs are timed.
 
     Args:
-        solvers: By name, functions of a problem and a relative tolerance that return the states (n,
-            3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
+        solvers: By name, functions of a problem and a relative tolerance that return the states
+            (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
             evaluates the equations of motion, and ``problem.scalar_rhs`` does so for numba.
             ``problem.source("c")`` is their text, to be compiled. Instead of a function, the
             command of a program that answers over pipes is accepted as text (`program_method`).
         problems: Names from `bench --help`, or problems.
-        tolerances: The tolerances of the solvers, loosest first.
-        against: The names of the suite's methods that run as well.
+        tolerances: The tolerances of the solvers, loosest first. After a run of more than 2 s the
+            tighter ones are left out.
+        against: The methods that run as well; those of the suite by name.
         answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and
             error or beta, gamma, v (the state at the end).
         progress: False hides the progress bar.
@@ -95,13 +96,18 @@ def race(
         InputError: If a problem or method is unknown, a file of answers cannot be read, or a
             program cannot be started.
     """
-    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in problems]
+    if not isinstance(solvers, Mapping):
+        raise InputError("solvers are a dictionary, such as {'mine': function}")
+    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in _several(problems)]
     known = {method.name: method for method in METHODS}
-    for name in against:
-        if name not in known:
-            raise InputError(f"method '{shown(name)}' is not known: use {', '.join(known)}")
-    methods = [known[name] for name in against]
-    elsewhere = [score for file in answers for score in answered_elsewhere(Path(file))]
+    for one in _several(against):
+        if not isinstance(one, Method) and one not in known:
+            raise InputError(f"method '{shown(one)}' is not known: use {', '.join(known)}")
+    methods = [one if isinstance(one, Method) else known[one] for one in _several(against)]
+    files = [Path(file) for file in _several(answers)]
+    elsewhere = [
+        score for file in files for score in scores_of(file.stem, read_text(file, _LARGEST))
+    ]
     with ExitStack() as running:
         for name, solver in solvers.items():
             methods.append(
@@ -109,23 +115,30 @@ def race(
                 if isinstance(solver, str)
                 else method_of(name, solver, tolerances)
             )
-        total = len(methods) * len(chosen)
+        total = sum(method.fits(problem) for method in methods for problem in chosen)
         scores = raced(chosen, methods, running.enter_context(progress_of(total, progress)))
     return Race((*scores, *elsewhere))
 
 
-def answered_elsewhere(file: Path) -> list[Score]:
-    """Read a file of runs made elsewhere, and return their scores under the file's name.
+def _several(entries: Any) -> Any:
+    return (entries,) if isinstance(entries, str | Path | Problem) else entries
 
-    Raises:
-        InputError: If the file cannot be read, or lacks the columns that `scores_of` needs.
-    """
-    return scores_of(file.stem, read_text(file, _LARGEST))
+
+def _comparison(row: Mapping[str, Any]) -> str:
+    slower = [
+        f"{label} {row[name + '_over_heyoka']:.3g} times longer ({row[name]})"
+        for name, label in (("scipy", "SciPy"), ("peer", "the best peer"), ("own", "yours"))
+        if row[f"{name}_over_heyoka"] is not None
+    ]
+    ours = row["heyoka"] or "heyoka does not reach it"
+    return (
+        f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join([ours, *slower])}"
+    )
 
 
 @contextmanager
 def program_method(
-    command: str, tolerances: Sequence[float] = TOLERANCES, name: str = ""
+    command: str, tolerances: float | Sequence[float] = TOLERANCES, name: str = "program"
 ) -> Iterator[Method]:
     """Start a program that integrates, and yield it as a method of the race.
 
@@ -144,8 +157,7 @@ def program_method(
         raise InputError("a program needs a command")
     with started(words, _PATIENCE) as program:
         dialogue = _Dialogue(program)
-        label = name or Path(words[-1]).stem
-        yield method_of(label, dialogue.solve, tolerances, lambda: dialogue.seconds)
+        yield method_of(name, dialogue.solve, tolerances, lambda: dialogue.seconds)
 
 
 class _Dialogue:

@@ -37,7 +37,8 @@ class Taylor:
     """The engine: Taylor series of the order that the tolerance requires, in any precision.
 
     Threads may share an instance: a run waits until the integrator that it needs is free. They are
-    faster with one instance each (`flow.default_engine`).
+    faster with one instance each (`flow.default_engine`). The tolerance belongs to the run: it is
+    ``rtol`` of `Disk.integrate`, and ``tolerance`` of a `Request`.
 
     Args:
         high_accuracy: Compensate the summation of the series. Over tens of seconds it changes the
