@@ -18,12 +18,14 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.surroundings import undisturbed
+from tippedisk_verify.progress import part
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "rotating_below"]
 
 C = TypeVar("C", bound=Cycle)
 
+_BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MOST_ZEROS = 800  # the most zeros after the point of a distance from Omega_h
 
 
@@ -88,20 +90,22 @@ def _next_to_omega_h(
             f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
             f"{shown(offset)}"
         )
-    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
+    with part(0, _BY_OMEGA_H):
+        omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
-    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
-    else:
-        location: Location[Any] = (
-            disk_locator.librating(omega, omega_h.value)
-            if above
-            else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
-        )
-        if not location.starts:
-            raise NoSuchCycleError(location.refusal)
-        at_speed = location.cycle(location.starts[-1], digits)
+    with part(_BY_OMEGA_H, 1):
+        if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
+            at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
+        else:
+            location: Location[Any] = (
+                disk_locator.librating(omega, omega_h.value)
+                if above
+                else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
+            )
+            if not location.starts:
+                raise NoSuchCycleError(location.refusal)
+            at_speed = location.cycle(location.starts[-1], digits)
     cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(
