@@ -10,7 +10,7 @@ from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Location, Locator, locator
 from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near, with_speed
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.passage_cycles import cycle_by_passages, shared_digits
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -158,4 +158,4 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
         )
     # The speed must be right to the digits asked for, and T depends on the logarithm of the
     # distance.
-    return value, zeros + digits + 6
+    return value, shared_digits(zeros + digits + 6)
