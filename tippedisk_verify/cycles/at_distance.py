@@ -25,6 +25,8 @@ __all__ = ["cycle_above", "rotating_below"]
 
 C = TypeVar("C", bound=Cycle)
 
+# rad/s; closer, passages give twelve digits. From here on 64 bits do.
+_BY_PASSAGES = 4 * DOUBLE_SHOOTS
 _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MOST_ZEROS = 800  # the most zeros after the point of a distance from Omega_h
 
@@ -78,7 +80,7 @@ def _next_to_omega_h(
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
-    if distance < DOUBLE_SHOOTS:
+    if distance < _BY_PASSAGES:
         place = distance if above else -distance
         passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
         if passing is not None:
