@@ -7,6 +7,8 @@ import io
 import re
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from threading import Thread
 from types import SimpleNamespace
 
@@ -24,6 +26,42 @@ _CALLS = {
         ["stress", "--only", "epsilon 1, linear", *["--quiet"] * (wanted is False)]
     ),
 }
+
+
+_LONG = {
+    "limit cycle": lambda: tv.Disk("table1").limit_cycle("30.4", digits=40),
+    "cycle next to Omega_h": lambda: tv.Disk("table1").limit_cycle(above_het="1e-3", digits=20),
+    "monodromy matrix": lambda: tv.Disk("table1").limit_cycle("30.41").monodromy,
+    # A disk that no other test asks: Omega_h is kept
+    "Omega_h": lambda: tv.Disk("table1", g="9.79").heteroclinic(digits=40),
+}
+
+
+@pytest.mark.parametrize("call", _LONG)
+def test_long_numbers_report_their_share(call, monkeypatch) -> None:
+    """The share only grows, to 100 percent at most, in several steps."""
+    steps = [0]
+
+    @contextmanager
+    def seen(total: int, wanted: bool) -> Iterator[progress.Advance]:
+        yield lambda label, more: steps.append(steps[-1] + more)
+
+    monkeypatch.setattr(progress, "_shown", seen)
+    _LONG[call]()
+    assert steps == sorted(steps)
+    assert len(set(steps)) > 3
+    assert 40 < steps[-1] <= 100
+
+
+def test_only_the_outermost_progress_is_shown(monkeypatch) -> None:
+    started: list[Thread] = []
+    monkeypatch.setattr(Thread, "start", lambda thread: started.append(thread))
+    with progress.progress_of(), progress.progress_of(3) as inner:
+        inner("nothing", 1)
+    with progress.progress_of(progress=False), progress.share_of("nothing"):
+        progress.reached(0.5)
+    assert len(started) == 1
+    progress.reached(0.5)  # outside any work
 
 
 @pytest.mark.parametrize("call", _CALLS)

@@ -26,7 +26,7 @@ from tippedisk_verify.model.exact import fraction, shown
 from tippedisk_verify.model.friction import Friction, FrictionLaw
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.progress import progress_of, watched
+from tippedisk_verify.progress import progress_of, share_of, watched
 
 if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
@@ -396,6 +396,7 @@ class Disk(Parameters):
         digits: int = 12,
         half_widths: bool = True,
         engine: Engine | None = None,
+        progress: bool | None = None,
     ) -> LimitCycle:
         """Find the limit cycle about inverted spinning at a speed.
 
@@ -412,6 +413,7 @@ class Disk(Parameters):
                 does not measure the error. Next to Omega_h half-widths cost nothing, so they are
                 always given.
             engine: The integrator.
+            progress: False hides the progress bar of a long computation.
 
         Returns:
             The cycle: its section coordinates, period [s], multipliers and stability, with
@@ -433,16 +435,18 @@ class Disk(Parameters):
                 )
             from tippedisk_verify.cycles.at_distance import cycle_above
 
-            return cycle_above(self, above_het, self._engine(engine), digits=digits)
+            with share_of("limit cycle", progress):
+                return cycle_above(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
-        cycle = cycle_at(
-            self,
-            speed.value,
-            self._engine(engine),
-            digits=digits,
-            stable=stable,
-            half_widths=half_widths,
-        )
+        with share_of("limit cycle", progress):
+            cycle = cycle_at(
+                self,
+                speed.value,
+                self._engine(engine),
+                digits=digits,
+                stable=stable,
+                half_widths=half_widths,
+            )
         return replace(cycle, omega=speed)
 
     def harmonic_balance(
@@ -502,6 +506,7 @@ class Disk(Parameters):
         digits: int = 12,
         half_widths: bool = True,
         engine: Engine | None = None,
+        progress: bool | None = None,
     ) -> RotatingCycle:
         """Find the rotating limit cycle at a speed, on which gamma grows by 2 pi in each period.
 
@@ -518,6 +523,7 @@ class Disk(Parameters):
                 does not measure the error. Next to Omega_h half-widths cost nothing, so they are
                 always given.
             engine: The integrator.
+            progress: False hides the progress bar of a long computation.
 
         Returns:
             The cycle: its section coordinates, period [s], multipliers and stability, with
@@ -535,14 +541,16 @@ class Disk(Parameters):
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
             how: dict[str, Any] = {"stable": stable, "digits": digits, "half_widths": half_widths}
-            cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
+            with share_of("rotating cycle", progress):
+                cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
             raise InputError(
                 "below_het leads to stable rotating cycles: give the unstable one's "
                 "speed with omega"
             )
-        return rotating_below(self, below_het, self._engine(engine), digits=digits)
+        with share_of("rotating cycle", progress):
+            return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
         self,
@@ -658,6 +666,7 @@ class Disk(Parameters):
         method: str = "manifolds",
         half_widths: bool = True,
         engine: Engine | None = None,
+        progress: bool | None = None,
     ) -> Heteroclinic:
         """Find Omega_h, the speed at which the saddles are connected.
 
@@ -666,6 +675,7 @@ class Disk(Parameters):
             method: The method's name, such as ``manifolds``.
             half_widths: False leaves out the wider run that measures the error.
             engine: The integrator.
+            progress: False hides the progress bar of a long computation.
 
         Returns:
             Omega_h [rad/s] with its half-width, and numbers of the connection.
@@ -677,9 +687,9 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.omega_h import heteroclinic
 
-        return heteroclinic(
-            self, self._engine(engine), digits=digits, method=method, half_widths=half_widths
-        )
+        how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
+        with share_of("Omega_h", progress):
+            return heteroclinic(self, self._engine(engine), **how)
 
     def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:
         """Return the derivatives of Omega_crit and Omega_h with respect to the disk's parameters.

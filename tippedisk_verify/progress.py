@@ -1,7 +1,8 @@
 """Progress of long work: a bar on a terminal's standard error, one output in a notebook.
 
 Anywhere else nothing is shown. A computation reports its steps by calling an `Advance`. Its caller
-decides with `progress_of` whether they are shown.
+decides with `progress_of` whether they are shown. A single number that takes long reports its share
+with `reached`, and its caller decides with `share_of`.
 """
 
 from __future__ import annotations
@@ -10,13 +11,14 @@ import sys
 import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
-from contextvars import copy_context
+from contextvars import ContextVar, copy_context
 from datetime import timedelta
 from importlib import import_module
+from multiprocessing import parent_process
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-__all__ = ["Advance", "progress_of", "watched"]
+__all__ = ["Advance", "part", "progress_of", "reached", "share_of", "watched"]
 
 #: A function of the name of the work and the number of steps done since the last call.
 Advance = Callable[[str, int], None]
@@ -24,19 +26,39 @@ Item = TypeVar("Item")
 
 _PATIENCE = 2.0  # s before anything is shown
 _BETWEEN_DRAWINGS = 0.1  # s
+# The function that takes the share of the work that is done, and the part of it between two shares
+# that the computation is in; None outside `share_of`
+_PART: ContextVar[tuple[Callable[[float], None], float, float] | None] = ContextVar(
+    "part", default=None
+)
+# True inside `progress_of`, where no second one is shown
+_WITHIN: ContextVar[bool] = ContextVar("within", default=False)
 
 
 @contextmanager
 def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advance]:
     """Yield an `Advance` that shows its steps if they take longer than two seconds.
 
-    A separate thread draws them, so the clock also advances within a step.
+    A separate thread draws them, so the clock also advances within a step. Within another
+    `progress_of`, and in a worker's process, nothing is shown.
 
     Args:
         total: The number of steps, or 0 if it is not known.
         progress: False shows nothing.
     """
-    if progress is False or sys.stderr is None:
+    within = _WITHIN.get()
+    _WITHIN.set(True)
+    try:
+        with _shown(total, progress is not False and not within) as advance:
+            yield advance
+    finally:
+        _WITHIN.set(within)
+
+
+@contextmanager
+def _shown(total: int, wanted: bool) -> Iterator[Advance]:
+    """Yield an `Advance` as `progress_of` does, which shows nothing unless that is wanted."""
+    if not wanted or sys.stderr is None or parent_process() is not None:
         yield lambda label, steps: None
         return
     current, over = [("at work", 0)], Event()
@@ -145,3 +167,55 @@ def watched(
         for item in items:
             advance(label, 1)
             yield item
+
+
+@contextmanager
+def share_of(label: str, progress: bool | None = None) -> Iterator[None]:
+    """Show the share of a computation that `reached` reports, in percent.
+
+    Args:
+        label: The name of the work.
+        progress: False shows nothing.
+    """
+    before, done = _PART.get(), 0
+
+    def show(share: float) -> None:
+        nonlocal done
+        percent = max(done, int(100 * share))
+        advance("", percent - done)
+        done = percent
+
+    with progress_of(100, progress) as advance:
+        advance(label, 0)
+        _PART.set((show, 0.0, 1.0))
+        try:
+            yield
+        finally:
+            _PART.set(before)
+
+
+@contextmanager
+def part(start: float, end: float) -> Iterator[None]:
+    """Count what `reached` reports within a part of the work, all of which is done at the end.
+
+    Args:
+        start: The share of the work before the part.
+        end: The share of the work after the part.
+    """
+    if (before := _PART.get()) is None:
+        yield
+        return
+    show, low, high = before
+    _PART.set((show, low + (high - low) * start, low + (high - low) * end))
+    try:
+        yield
+        reached(1)
+    finally:
+        _PART.set(before)
+
+
+def reached(share: float) -> None:
+    """Report the share of the work, or of its present `part`, that is done."""
+    if (now := _PART.get()) is not None:
+        show, low, high = now
+        show(low + (high - low) * share)

@@ -46,6 +46,21 @@ def test_half_widths_hold(taylor, law, section) -> None:
     compare(taylor, PRINTED.changed(friction=law), section, "1e-6")
 
 
+@pytest.mark.slow(minutes=0.2)
+@pytest.mark.parametrize("section", [LIBRATING, ROTATING], ids=["librating", "rotating"])
+@pytest.mark.parametrize("law", ["linear", "smooth"])
+def test_half_widths_hold_at_the_largest_distance(taylor, law, section) -> None:
+    compare(taylor, PRINTED.changed(friction=law), section, "3.9e-5")
+
+
+def test_distances_share_one_omega_h(taylor) -> None:
+    cycle_above(PRINTED, "1e-2", taylor)
+    computed = splitting_zero.cache_info().misses
+    for distance in ("3e-3", "1e-4", "1e-6", "1e-12"):
+        cycle_above(PRINTED, distance, taylor)
+    assert splitting_zero.cache_info().misses == computed
+
+
 def test_orbits_close(taylor) -> None:
     """Half a period leads to the image of the start, in doubles and in the bits that a closer start
     needs.

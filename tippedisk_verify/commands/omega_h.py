@@ -75,7 +75,7 @@ def heteroclinic(
     if answers is not None or (out is not None and out.suffix.lower() == ".png"):
         raise InputError("--answers and a figure go with --near FIRST:LAST:COUNT")
     connection = common.disk.heteroclinic(
-        digits=common.digits, method=method, half_widths=half_widths
+        digits=common.digits, method=method, half_widths=half_widths, progress=not common.quiet
     )
     if out is not None:
         times, states, widths = connection.samples()

@@ -259,13 +259,14 @@ def orbit(
         raise InputError("--unstable goes with --omega or --below-crit")
     if at_fold:
         return disk.rotation_fold(digits=digits) if rotating else disk.folds(digits=digits)
+    how: dict[str, Any] = {
+        "digits": digits,
+        "half_widths": half_widths,
+        "progress": not common.quiet,
+    }
     if rotating:
-        return disk.rotating_cycle(
-            **speeds, stable=not unstable, digits=digits, half_widths=half_widths
-        )
-    return disk.limit_cycle(
-        **speeds, stable=False if unstable else None, digits=digits, half_widths=half_widths
-    )
+        return disk.rotating_cycle(**speeds, stable=not unstable, **how)
+    return disk.limit_cycle(**speeds, stable=False if unstable else None, **how)
 
 
 @disk_command(

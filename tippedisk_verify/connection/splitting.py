@@ -44,6 +44,7 @@ from tippedisk_verify.model.precision import (
     bits_for_digits,
     companion,
 )
+from tippedisk_verify.progress import reached
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = [
@@ -65,6 +66,9 @@ _LONGEST = 30.0  # s, the longest flight
 _MOST_STEPS = 8  # Newton steps in one arithmetic
 _MOST_CURVATURE = 10**8  # s/rad; a bound of the slope's relative change with Omega
 _KEPT = 256  # zeros in the cache
+# The shares of the time for Omega_h that are over after the last stage and after the wider run. The
+# rest is for the derivative of the splitting.
+_BY_STAGES, _BY_WIDER_RUN = 0.4, 0.6
 
 
 @dataclass(frozen=True)
@@ -343,6 +347,8 @@ def _root(
     for precision in stages:
         splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
         omega, slope = _newton(splitting_at, omega, slope)
+        # The time of a flight grows with the square of the bits: coarser stages come before.
+        reached(_BY_STAGES * (precision.bits / stages[-1].bits) ** 2)
     assert splitting_at
     assert slope
     return splitting_at, omega, slope
@@ -356,6 +362,7 @@ def _zero(
     wider = companion(precision)
     finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)
+    reached(_BY_WIDER_RUN)
     budget = {
         "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
         # L(s) leaves out the square of the fast coordinate, with a curvature of order 1.

@@ -10,7 +10,7 @@ from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Location, Locator, locator
 from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near, with_speed
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.passage_cycles import cycle_by_passages, shared_digits
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -18,12 +18,16 @@ from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.surroundings import undisturbed
+from tippedisk_verify.progress import part
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "rotating_below"]
 
 C = TypeVar("C", bound=Cycle)
 
+# rad/s; closer, passages give twelve digits. From here on 64 bits suffice.
+_BY_PASSAGES = 4 * DOUBLE_SHOOTS
+_BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MOST_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
@@ -76,7 +80,7 @@ def _next_to_omega_h(
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
-    if distance < DOUBLE_SHOOTS:
+    if distance < _BY_PASSAGES:
         place = distance if above else -distance
         passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
         if passing is not None:
@@ -88,20 +92,22 @@ def _next_to_omega_h(
             f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
             f"{shown(offset)}"
         )
-    omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
+    with part(0, _BY_OMEGA_H):
+        omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
-    if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-        at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
-    else:
-        location: Location[Any] = (
-            disk_locator.librating(omega, omega_h.value)
-            if above
-            else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
-        )
-        if not location.starts:
-            raise NoSuchCycleError(location.refusal)
-        at_speed = location.cycle(location.starts[-1], digits)
+    with part(_BY_OMEGA_H, 1):
+        if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
+            at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
+        else:
+            location: Location[Any] = (
+                disk_locator.librating(omega, omega_h.value)
+                if above
+                else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
+            )
+            if not location.starts:
+                raise NoSuchCycleError(location.refusal)
+            at_speed = location.cycle(location.starts[-1], digits)
     cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(
@@ -157,4 +163,4 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
         )
     # The speed must be right to the digits asked for, and T depends on the logarithm of the
     # distance.
-    return value, zeros + digits + 6
+    return value, shared_digits(zeros + digits + 6)

@@ -37,9 +37,11 @@ from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.system import nudged
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+from tippedisk_verify.progress import part, reached
 
 __all__ = [
     "MORE_DIGITS",
@@ -83,6 +85,9 @@ _MOST_WIDENINGS = 4
 # off.
 _LARGEST_CHORD_STEP = Fraction(1, 10)
 _MOST_NEWTON_STEPS = 20  # each doubles the digits
+# The share of the time for a cycle that is over after its first run, and the share of a run that is
+# over after its chord steps. The rest is for derivatives.
+_BY_FIRST_RUN, _BY_CHORDS = 0.4, 0.6
 # The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
 _MOST_SHRINKAGE = 5
 
@@ -163,8 +168,10 @@ def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision 
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
         return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
-    numbers, _, sharper = _sharpened(fixed_point, precision)
-    sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
+    with part(0, _BY_FIRST_RUN):
+        numbers, _, sharper = _sharpened(fixed_point, precision)
+    with part(_BY_FIRST_RUN, 1):
+        sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
     return _as_cycle(
         fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
     )
@@ -440,6 +447,10 @@ def settled(
         length = size(iterate)
         if length > _LARGEST_CHORD_STEP * scale:
             raise failure
+        if length > small:
+            reached(
+                _BY_CHORDS * decimal_magnitude(length / scale) / decimal_magnitude(small / scale)
+            )
         return length
 
     with suppress(AccuracyError, NoSuchCycleError):

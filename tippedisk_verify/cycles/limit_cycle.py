@@ -27,6 +27,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, quantities, quantity
 from tippedisk_verify.model.saved import saved_numbers, write_saved
+from tippedisk_verify.progress import share_of
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.monodromy import FloquetVectors, Monodromy
@@ -112,7 +113,8 @@ class Cycle(Printable):
         """
         from tippedisk_verify.cycles.monodromy import monodromy_of
 
-        return monodromy_of(self)
+        with share_of("monodromy matrix"):
+            return monodromy_of(self)
 
     @cached_property
     def floquet_vectors(self) -> FloquetVectors:

@@ -20,6 +20,7 @@ from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, as_json, with_widths
+from tippedisk_verify.progress import reached
 
 __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]
 
@@ -30,6 +31,8 @@ _DOUBLE_BITS = 60
 _MORE_BITS = 16  # bits of the wider arithmetic beyond those of the half-width
 # The move of a number, in half-widths. It is large, so that rounding does not hide its effect.
 _MOVED = 2**12
+# The share of the time that is over before the flight whose error is measured
+_BY_MOVED_FLIGHTS = 0.5
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -256,8 +259,11 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         )
 
     origin = point(values)
+    others, every = list[Result](), list(_each_moved(values, moves))
+    for n, moved in enumerate(every, start=1):
+        others.append(over_a_period(point(moved), moved))
+        reached(_BY_MOVED_FLIGHTS * n / len(every))
     whole = over_a_period(origin, values, error_estimate=True)
-    others = [over_a_period(point(moved), moved) for moved in _each_moved(values, moves)]
     if float(since):
         error = flight(values[:3], since, values[4], error_estimate=True).error
         assert error is not None

@@ -39,7 +39,7 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
-__all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law"]
+__all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law", "shared_digits"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -182,8 +182,12 @@ def _digits_for(distance: Fraction) -> int:
     It is rounded up to a grid, so that most distances share Omega_h. The request omits
     `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
     """
-    lacking = _DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance) - FIRST_DIGITS
-    return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil(lacking / _MORE_DIGITS))
+    return shared_digits(_DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance))
+
+
+def shared_digits(wanted: int) -> int:
+    """Return the digits of Omega_h that serve many distances, and no fewer than wanted."""
+    return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - FIRST_DIGITS) / _MORE_DIGITS))
 
 
 def _measured(
