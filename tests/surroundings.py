@@ -187,7 +187,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.scene": lambda: DISK.scene("d"),
     "Disk.slow_manifold": lambda: DISK.slow_manifold(1),
     "Disk.speed": lambda: DISK.speed(above_het="1e-3"),
-    "Certifier.beside_omega_h": lambda: DISK.certify.beside_omega_h("1e-9", near="30.2", digits=4),
+    "Certifier.near_omega_h": lambda: DISK.certify.near_omega_h("1e-9", near="30.2", digits=4),
     "Certifier.branch": lambda: _certified(DISK.certify.branch("0.05")),
     "Certifier.equilibrium": lambda: DISK.certify.equilibrium("inverted", "30.4"),
     "Certifier.fold": lambda: DISK.certify.fold(),
@@ -260,7 +260,7 @@ CALLS: dict[str, Callable[[], Any]] = {
 
 #: What takes longer than two seconds, and longer than a fifth of one.
 SLOW = (
-    "Certifier.beside_omega_h",
+    "Certifier.near_omega_h",
     "Certifier.branch",
     "Certifier.limit_cycle",
     "Cycle.sensitivity",

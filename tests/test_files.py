@@ -10,7 +10,7 @@ import pytest
 
 from tests.command_line import assert_refused, ran
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import alone, output_file, printable, write_bytes, write_text
+from tippedisk_verify.files import file_lock, output_file, printable, write_bytes, write_text
 
 
 def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
@@ -124,9 +124,9 @@ def test_a_lock_that_is_held_and_a_file_system_without_locks(
     fcntl = pytest.importorskip("fcntl")
     lock = tmp_path / "lock"
     with (
-        alone(lock, "another run"),
+        file_lock(lock, "another run"),
         pytest.raises(InputError, match="another run"),
-        alone(lock, "another run"),
+        file_lock(lock, "another run"),
     ):
         pass
     for number in (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EIO):
@@ -135,13 +135,13 @@ def test_a_lock_that_is_held_and_a_file_system_without_locks(
             raise OSError(number, os.strerror(number))
 
         monkeypatch.setattr(fcntl, "flock", without_locks)
-        with pytest.raises(InputError) as refused, alone(lock, "another run"):
+        with pytest.raises(InputError) as refused, file_lock(lock, "another run"):
             pass
         assert f"lock cannot be locked ({os.strerror(number)})" in str(refused.value)
         assert "another file system" in str(refused.value)
         assert "another run" not in str(refused.value)
     monkeypatch.undo()
-    with alone(lock, "another run"):
+    with file_lock(lock, "another run"):
         pass
 
 
@@ -159,7 +159,7 @@ def test_a_second_run_into_one_place_is_refused_at_once(
     pytest.importorskip("fcntl")
     command = [*arguments.split(), "--quiet", "--out", str(tmp_path / out)]
     (tmp_path / lock).parent.mkdir(exist_ok=True)
-    with alone(tmp_path / lock, "the first run"):
+    with file_lock(tmp_path / lock, "the first run"):
         assert "another run is" in assert_refused(command)
         assert [path.name for path in (tmp_path / lock).parent.iterdir()] == [
             (tmp_path / lock).name

@@ -86,7 +86,7 @@ def test_long_work_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, ca
     output.isatty = lambda: terminal  # type: ignore[method-assign]
     monkeypatch.setattr(sys, "stderr", output)
     monkeypatch.setenv("TERM", "xterm")
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_DELAY", 0.0)
     with progress.progress_of(5) as advance:
         advance("cycles", 2)
         while terminal and not re.search(r"2/5.* left .*\d:\d\d:\d\d", output.getvalue()):
@@ -123,7 +123,7 @@ def test_a_notebook_has_one_output_that_is_replaced(total, monkeypatch) -> None:
     shell = Shell()
     monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))  # type: ignore[arg-type]
     monkeypatch.setitem(sys.modules, "IPython.display", shell)  # type: ignore[arg-type]
-    monkeypatch.setattr(progress, "_PATIENCE", 0.0)
+    monkeypatch.setattr(progress, "_DELAY", 0.0)
     monkeypatch.setattr(progress, "_BETWEEN_DRAWINGS", 0.0)
     with progress.progress_of(total) as advance:
         advance("cycles", 2)
@@ -146,7 +146,7 @@ def test_a_notebook_that_is_run_to_a_file_stores_one_output() -> None:
             drawn.set()
             return display(*data, **how)
         IPython.display.display = watched
-        progress._PATIENCE = progress._BETWEEN_DRAWINGS = 0.0
+        progress._DELAY = progress._BETWEEN_DRAWINGS = 0.0
         with progress.progress_of(100) as advance:
             for n in range(100):
                 drawn.wait()

@@ -199,7 +199,7 @@ def test_a_process_that_is_killed_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     printed(f"{_HOPF} --executor serial --out {tmp_path / 'serial.csv'}")
-    monkeypatch.setattr(running, "_MOST_AHEAD", 4)
+    monkeypatch.setattr(running, "_MAX_AHEAD", 4)
     after_rows(monkeypatch, 5, lambda: active_children()[0].kill())
     printed(f"{_HOPF} --out {tmp_path / 'a.csv'}")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()

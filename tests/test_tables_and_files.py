@@ -16,8 +16,8 @@ import pytest
 import tippedisk_verify as tv
 from tippedisk_verify.bench.race import Score
 from tippedisk_verify.cli import main
+from tippedisk_verify.cycles.distance_study import LAWS
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.near_heteroclinic import LAWS
 from tippedisk_verify.figures.style import pyplot
 
 DISK, START = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)

@@ -6,7 +6,7 @@ from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
 from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega_h
 from tippedisk_verify.cycles.at_distance import cycle_above as cycle_above
-from tippedisk_verify.cycles.omega_h import heteroclinic as heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic as heteroclinic
 from tippedisk_verify.cycles.shooting import limit_cycle as limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle as balanced_cycle
 from tippedisk_verify.disk import Disk as Disk

@@ -26,19 +26,19 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
     from tippedisk_verify.proofs.search.branch import BranchProof
-    from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+    from tippedisk_verify.proofs.search.connection import ProvedConnection
+    from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
     from tippedisk_verify.proofs.search.cycle import OrbitProof
-    from tippedisk_verify.proofs.search.family import Interval
+    from tippedisk_verify.proofs.search.family_intervals import Interval
     from tippedisk_verify.proofs.search.fold import FoldProof
-    from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]
 
 _BAR_STEPS_PER_RAD = 1000
-_LARGEST_AMPLITUDE = Fraction("3.1415")  # rad, just below pi, which gamma_bar_0 reaches at Omega_h
+_MAX_AMPLITUDE = Fraction("3.1415")  # rad, just below pi, which gamma_bar_0 reaches at Omega_h
 # rad/s from Omega_h. At 1e-5 the proof of one cycle takes a minute, closer in it takes longer.
-_LEAST_DISTANCE = Fraction(1, 10**7)
+_MIN_DISTANCE = Fraction(1, 10**7)
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
@@ -137,7 +137,7 @@ class Certifier:
             The proof. Without a cycle to start from, its status is ``NO_GUESS``.
 
         Raises:
-            InputError: If the speed lies next to Omega_h and no guess is given; `beside_omega_h`
+            InputError: If the speed lies next to Omega_h and no guess is given; `near_omega_h`
                 proves those cycles.
         """
         from tippedisk_verify.proofs.search.cycle import (
@@ -166,12 +166,10 @@ class Certifier:
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
-            if (
-                away := abs(speed - locator(self.disk, default_engine()).omega_h)
-            ) < _LEAST_DISTANCE:
+            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _MIN_DISTANCE:
                 raise InputError(
                     f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single"
-                    f" cycles are proved from {float(_LEAST_DISTANCE):g} on: `certify heteroclinic"
+                    f" cycles are proved from {float(_MIN_DISTANCE):g} on: `certify heteroclinic"
                     " --cycles D` proves all up to a distance D above it"
                 )
         if rotating:
@@ -246,15 +244,15 @@ class Certifier:
         Raises:
             InputError: If the number of digits is larger than a proof offers.
         """
-        from tippedisk_verify.proofs.search.heteroclinic import (
-            MOST_DIGITS,
+        from tippedisk_verify.proofs.search.connection import (
+            MAX_DIGITS,
             ConnectionStatus,
             ProvedConnection,
             prove_connection,
         )
 
-        if digits > MOST_DIGITS:
-            raise InputError(f"a proof of Omega_h is offered to {MOST_DIGITS} digits, not {digits}")
+        if digits > MAX_DIGITS:
+            raise InputError(f"a proof of Omega_h is offered to {MAX_DIGITS} digits, not {digits}")
         with progress_of(2, progress) as advance:
             try:
                 advance("an approximation", 0)
@@ -268,7 +266,7 @@ class Certifier:
             except NoConnectionError as fault:
                 return ProvedConnection(ConnectionStatus.NO_SADDLE, where=str(fault))
 
-    def beside_omega_h(
+    def near_omega_h(
         self,
         distance: object,
         near: object = None,
@@ -290,7 +288,7 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
-        from tippedisk_verify.proofs.search.connection_end import checked_distance, prove_end
+        from tippedisk_verify.proofs.search.connection_cycles import checked_distance, prove_end
 
         checked_distance(distance)
         self.disk.refuse_unless_linear("limit cycles next to the connection are proved")
@@ -329,14 +327,12 @@ class Certifier:
         """
         from tippedisk_verify.cycles.branch import found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
-        from tippedisk_verify.proofs.search.family import prove_family
+        from tippedisk_verify.proofs.search.family_intervals import prove_family
 
         self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
         count = 0
-        with progress_of(
-            int(_BAR_STEPS_PER_RAD * (wanted or _LARGEST_AMPLITUDE)), progress
-        ) as advance:
+        with progress_of(int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress) as advance:
 
             def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
                 nonlocal count
@@ -386,9 +382,9 @@ def _amplitude(value: object) -> Fraction:
         InputError: If the value is not a decimal between 0 and 3.1415.
     """
     number = exact(value)
-    if number.pi_multiple or not 0 < number.rational < _LARGEST_AMPLITUDE:
+    if number.pi_multiple or not 0 < number.rational < _MAX_AMPLITUDE:
         raise InputError(
-            f"an amplitude is a decimal between 0 and {float(_LARGEST_AMPLITUDE)} "
+            f"an amplitude is a decimal between 0 and {float(_MAX_AMPLITUDE)} "
             f"rad, not {shown(value)}"
         )
     return number.rational

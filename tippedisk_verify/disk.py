@@ -32,9 +32,9 @@ if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.branch import Branch
+    from tippedisk_verify.cycles.distance_study import NearHeteroclinic
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
-    from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
     from tippedisk_verify.cycles.sensitivity import Sensitivity
     from tippedisk_verify.cycles.spectral import BalancedCycle
     from tippedisk_verify.flow.contract import Engine, Event
@@ -376,14 +376,14 @@ class Disk(Parameters):
         Raises:
             InputError: If there is no such panel, or ``omega_h`` is not a speed.
         """
-        from tippedisk_verify.motion.scenes import compute, scene_named
+        from tippedisk_verify.motion.scenes import panel_of, scene_named
 
         scene, engine = scene_named(name), self._engine(engine)
         if omega_h is not None:
             omega_h = Measured(checked_speed(omega_h), getattr(omega_h, "uncertainty", Fraction(0)))
         elif scene.base == "Omega_h":
             omega_h = self.heteroclinic(engine=engine).omega_h
-        return compute(scene, self, engine, omega_h=omega_h)
+        return panel_of(scene, self, engine, omega_h=omega_h)
 
     # --------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
@@ -685,7 +685,7 @@ class Disk(Parameters):
             InputError: If ``method`` is not known.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.omega_h import heteroclinic
+        from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
         with share_of("Omega_h", progress):
@@ -740,7 +740,7 @@ class Disk(Parameters):
             NoSuchCycleError: As for `limit_cycle`.
             AccuracyError: As for `limit_cycle` and `heteroclinic`.
         """
-        from tippedisk_verify.cycles.near_heteroclinic import near_heteroclinic
+        from tippedisk_verify.cycles.distance_study import near_heteroclinic
 
         return near_heteroclinic(self, distances, self._engine(engine), answers=answers)
 

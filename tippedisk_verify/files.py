@@ -23,9 +23,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = [
-    "alone",
     "csv_text",
     "file_ending_in",
+    "file_lock",
     "output_file",
     "output_folder",
     "printable",
@@ -227,7 +227,7 @@ def write_table(path: Path, rows: Sequence[Mapping[str, str]]) -> Path:
 
 
 @contextmanager
-def alone(lock: Path, refusal: str) -> Iterator[None]:
+def file_lock(lock: Path, refusal: str) -> Iterator[None]:
     """Hold a lock file, which is created if necessary, while the context is entered.
 
     The system releases the lock of a run that was killed.
@@ -275,7 +275,7 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
     refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
-    with alone(folder / ".lock", refusal), undoing(remove):
+    with file_lock(folder / ".lock", refusal), undoing(remove):
         try:
             yield folder
         finally:

@@ -24,7 +24,7 @@ __all__ = ["Advance", "part", "progress_of", "reached", "share_of", "watched"]
 Advance = Callable[[str, int], None]
 Item = TypeVar("Item")
 
-_PATIENCE = 2.0  # s before anything is shown
+_DELAY = 2.0  # s before anything is shown
 _BETWEEN_DRAWINGS = 0.1  # s
 # The function that takes the share of the work that is done, and the part of it between two shares
 # that the computation is in; None outside `share_of`
@@ -67,7 +67,7 @@ def _shown(total: int, wanted: bool) -> Iterator[Advance]:
         current[0] = label or current[0][0], current[0][1] + steps
 
     def show() -> None:
-        if over.wait(_PATIENCE):
+        if over.wait(_DELAY):
             return
         with (
             # If drawing fails, nothing is shown.
@@ -120,7 +120,7 @@ def _on_terminal(total: int) -> Iterator[Advance]:
         *columns, console=console, transient=True, redirect_stdout=False, disable=hidden
     ) as bar:
         task = bar.add_task("", total=total or None)
-        bar.tasks[0].start_time = bar.get_time() - _PATIENCE
+        bar.tasks[0].start_time = bar.get_time() - _DELAY
         yield lambda label, done: bar.update(task, description=label, completed=done)
 
 
@@ -138,7 +138,7 @@ def _in_notebook(total: int) -> Iterator[Advance]:
     A notebook that is executed to a file stores every output that is not replaced.
     """
     display: Any = import_module("IPython.display").display
-    began = time.monotonic() - _PATIENCE
+    began = time.monotonic() - _DELAY
     handle = display({"text/plain": ""}, raw=True, display_id=True)
 
     def draw(label: str, done: int) -> None:

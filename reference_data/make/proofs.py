@@ -78,7 +78,7 @@ def _hopf(case: ExactItem, values: Values) -> Proof:
 
 
 def _connection(case: ExactItem, values: Values) -> Proof:
-    from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+    from tippedisk_verify.proofs.search.connection import prove_connection
 
     # Start as the command does: the stored value has too few digits for so short an interval.
     near = case.disk.heteroclinic(digits=_OMEGA_H_DIGITS + 5).omega_h.value

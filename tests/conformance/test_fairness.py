@@ -11,6 +11,7 @@ import pytest
 
 from results.scipy_program import answered
 from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.gate import shortcomings
 from tippedisk_verify.conformance.grading import (
     FAILS_BELOW,
     Grade,
@@ -20,7 +21,6 @@ from tippedisk_verify.conformance.grading import (
     needed,
 )
 from tippedisk_verify.conformance.pages import Report
-from tippedisk_verify.conformance.regression import shortcomings
 from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.store import Store, stored
 

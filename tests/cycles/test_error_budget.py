@@ -62,11 +62,11 @@ def test_the_risk_on_the_branch_is_its_budgets() -> None:
     """2e-8 beyond a half-width, 2e-4 beyond half of one, and 13 in the median, as documented."""
     random = numpy.random.default_rng(2)
     spreads = (
-        numpy.ptp(random.standard_normal((600_000, interpolant.TWINS + 1)), axis=1)
+        numpy.ptp(random.standard_normal((600_000, interpolant.NODE_TWINS + 1)), axis=1)
         .reshape(-1, 3)
         .max(axis=1)
     )
-    widths = interpolant.TWIN_FACTOR * spreads
+    widths = interpolant.NODE_TWIN_FACTOR * spreads
     assert 1e-8 < numpy.mean(2 * stats.norm.sf(widths)) < 3e-8
     assert numpy.mean(2 * stats.norm.sf(widths / 2)) < 3e-4
     assert 13 < numpy.median(widths / numpy.abs(random.standard_normal(len(widths)))) < 14
@@ -165,7 +165,7 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     return_map, truth = LinearMap("-0.5", second), LinearMap.truth
     rows = ((0.5, 0.0), (0.0, 0.5))
     start = SimpleNamespace(point=tuple(float(t) + off for t in truth), image=derivatives(rows))
-    point, standing = error_budget.settled(return_map, start)
+    point, standing = error_budget.iterate_until_rounding(return_map, start)
     assert max(abs(fraction(x) - t) for x, t in zip(point, truth, strict=True)) < Fraction(
         1, 10**55
     )

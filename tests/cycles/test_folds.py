@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotati
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import locator
-from tippedisk_verify.cycles.omega_h import METHODS, heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import METHODS, heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
@@ -247,7 +247,7 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     """One case is next to Omega_h, which lies inside the family's speeds. The other is a disk whose
     saddles are foci.
     """
-    monkeypatch.setattr("tippedisk_verify.cycles.branch._FEWEST_FOR_LANES", 3)
+    monkeypatch.setattr("tippedisk_verify.cycles.branch._MIN_FOR_LANES", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(

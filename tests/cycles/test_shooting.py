@@ -10,7 +10,7 @@ from hypothesis import given, settings
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
-from tippedisk_verify.cycles.error_budget import cycle_in
+from tippedisk_verify.cycles.error_budget import cycle_in_precision
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle, shoot
@@ -41,7 +41,9 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     speed = speed_below(parameters, share * Fraction(8, 10))
     guess = approximate_cycle(parameters, speed)
     half = limit_cycle(parameters, speed, _ENGINE, guess=guess)
-    whole = cycle_in(shoot(ReturnMap(WHOLE_PERIOD, parameters, speed, _ENGINE), guess), DOUBLE)
+    whole = cycle_in_precision(
+        shoot(ReturnMap(WHOLE_PERIOD, parameters, speed, _ENGINE), guess), DOUBLE
+    )
     # Full-period shooting in double: its own round-off, over a multiplier that may be close to 1.
     loss = 1e-13 / abs(1 - float(half.multiplier_slow))
     for name in ALL:

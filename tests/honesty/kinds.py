@@ -19,10 +19,10 @@ from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.near_connection import fixed_point_near
 from tippedisk_verify.cycles.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
+from tippedisk_verify.cycles.whole_flight_cycles import fixed_point_near
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes

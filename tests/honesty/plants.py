@@ -27,7 +27,7 @@ PLANTS = {
     "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.interpolant:FamilyInterpolant.half_widths": "branch",
-    "cycles.near_connection:with_speed": "next to Omega_h",
+    "cycles.whole_flight_cycles:with_speed": "next to Omega_h",
     "cycles.passage_cycles:_measured": "by passages",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",

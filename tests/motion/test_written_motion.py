@@ -9,7 +9,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, ran, rows_of
-from tippedisk_verify.flow.contract import MOST_STEPS
+from tippedisk_verify.flow.contract import MAX_STEPS
 
 #: Arguments of `integrate`: even times that are not doubles, a late start, a ratio, both laws, 20
 #: digits, backward.
@@ -130,7 +130,7 @@ def test_a_run_that_needs_more_steps_is_reported_at_once() -> None:
     short = disk.integrate("30.4", state, 10, max_steps=20)
     assert (short.status, short.success) == (tv.Status.STEP_LIMIT, False)
     assert "raise max_steps" in short.message
-    assert disk.integrate("30.4", state, 10, max_steps=MOST_STEPS).success
+    assert disk.integrate("30.4", state, 10, max_steps=MAX_STEPS).success
     printed("integrate --omega 30.4 --state pi/2,2,0 --time 10 --max-steps 20", status=1)
     with pytest.raises(tv.InputError, match="max_steps"):
         disk.integrate("30.4", state, 10, max_steps=0)

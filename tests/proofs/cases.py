@@ -14,10 +14,10 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 
-SHORTEST_STEP = 2.0**-40  # s
+MIN_STEP = 2.0**-40  # s
 NUMBERS = (
     "period",
     "gamma_bar_0",
@@ -65,7 +65,7 @@ def carry(
     while True:
         left = span - path.time  # positive: what was taken is proved to be shorter
         step = path.step(
-            max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * SHORTEST_STEP)
+            max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * MIN_STEP)
         )
         if step is None:
             return Flight(path.status or FlowStatus.NO_ENCLOSURE, path)

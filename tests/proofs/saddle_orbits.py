@@ -16,7 +16,7 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import eigenvectors
+from tippedisk_verify.proofs.search.connection import eigenvectors
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit
 # S: with |lambda_f| = 102 / s the method's error is (0.05)^5 / 120 = 3e-9 of z_f in a step, less

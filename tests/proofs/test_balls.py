@@ -23,15 +23,15 @@ from tippedisk_verify.proofs.kernel.balls import (
     ball,
     coefficient,
     inside,
+    intersection,
     negative,
     positive,
     series_length,
-    shared,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.field import field
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.heteroclinic import prove_connection
+from tippedisk_verify.proofs.search.connection import prove_connection
 
 NOT_NUMBERS = (
     arb("nan"),
@@ -96,7 +96,7 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
             max(Fraction(mid) - Fraction(rad), Fraction(0)),
             min(Fraction(mid) + Fraction(rad), Fraction(length)),
         )
-        both = shared(arb(mid, rad), arb(0).union(arb(length)))
+        both = intersection(arb(mid, rad), arb(0).union(arb(length)))
         if low > high:
             assert not both.is_finite() or both.contains(arb(0)) or both.contains(arb(length))
             continue
@@ -109,7 +109,7 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
             1, 2**50
         )
     unit = arb(0).union(arb(1))
-    assert shared(arb.nan(), unit).contains(unit)
+    assert intersection(arb.nan(), unit).contains(unit)
 
 
 def test_the_precision_is_restored() -> None:

@@ -32,10 +32,10 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.search import curve_choices
-from tippedisk_verify.proofs.search import family as search
+from tippedisk_verify.proofs.search import family_intervals as search
 from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.connection_end import EndStatus, ProvedEnd
+from tippedisk_verify.proofs.search.connection_cycles import EndStatus, ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.reference_values.lookup import reference

@@ -26,7 +26,7 @@ from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import certificates, krawczyk, sliding
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.certificates import proved
-from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, held
+from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, require_within_claim
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
@@ -394,9 +394,11 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
         for n in range(3, 200, 2):
             x = arb(1) / n
             middle, half = midpoint_and_radius(x)
-            held({"value": str(middle), "uncertainty": str(half)}, x, "a number")
+            require_within_claim({"value": str(middle), "uncertainty": str(half)}, x, "a number")
             with pytest.raises(certificates.Unproved):
-                held({"value": str(middle), "uncertainty": str(half / 2)}, x, "a number")
+                require_within_claim(
+                    {"value": str(middle), "uncertainty": str(half / 2)}, x, "a number"
+                )
 
 
 # ---------------------------------------------------------------------------------- as a user meets

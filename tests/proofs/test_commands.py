@@ -23,10 +23,10 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.search.connection_end import prove_end
+from tippedisk_verify.proofs.search.connection import MAX_DIGITS, prove_connection
+from tippedisk_verify.proofs.search.connection_cycles import prove_end
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
-from tippedisk_verify.proofs.search.heteroclinic import MOST_DIGITS, prove_connection
 from tippedisk_verify.theory import hopf
 
 
@@ -157,7 +157,7 @@ SMOOTH = PRINTED.with_friction("smooth")
         (lambda: prove_fold(SMOOTH, (1, -1, 30)), "linear"),
         (lambda: prove_fold(PRINTED, (1, -1, 30), digits=0), "digits"),
         (lambda: prove_connection(PRINTED, "30", 0), "digits"),
-        (lambda: prove_connection(PRINTED, "30", MOST_DIGITS + 1), "digits"),
+        (lambda: prove_connection(PRINTED, "30", MAX_DIGITS + 1), "digits"),
         (lambda: prove_connection(PRINTED, "-1", 8), None),
         (lambda: prove_end(replace(proved_connection(), parameters=SMOOTH)), "linear friction law"),
         *(

@@ -25,8 +25,8 @@ from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cyc
 from tippedisk_verify.proofs.kernel.certificates.connection import _departure
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.kernel.reading import dyadic
-from tippedisk_verify.proofs.search.connection_end import prove_end
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection_cycles import prove_end
 
 DIGITS = 5
 

@@ -33,7 +33,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     leaving,
 )
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.heteroclinic import (
+from tippedisk_verify.proofs.search.connection import (
     eigenvectors,
     series_of_curve,
     smallest_weights,

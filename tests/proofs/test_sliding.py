@@ -24,11 +24,11 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
-from tippedisk_verify.proofs.search.cycle import prove_cycle
-from tippedisk_verify.proofs.search.heteroclinic import (
+from tippedisk_verify.proofs.search.connection import (
     ProvedConnection,
     prove_connection,
 )
+from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.proofs.search.steps import Steps
 from tippedisk_verify.reference_values.lookup import reference
 

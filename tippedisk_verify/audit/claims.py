@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.branch import family, found
-from tippedisk_verify.cycles.omega_h import heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -28,7 +28,7 @@ from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.motion.scenes import Panel, compute, scene_named
+from tippedisk_verify.motion.scenes import Panel, panel_of, scene_named
 
 __all__ = [
     "Answer",
@@ -272,7 +272,7 @@ class Audit(Printable):
         panel = scene_named(scene)
         omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
         return self._once(
-            (scene, name), lambda: compute(panel, self._set(name), self.engine, omega_h=omega_h)
+            (scene, name), lambda: panel_of(panel, self._set(name), self.engine, omega_h=omega_h)
         )
 
 

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, number
 from tippedisk_verify.connection.bisection import unstable_branch
-from tippedisk_verify.cycles.omega_h import heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -24,10 +24,12 @@ _FAMILY_TO_ITS_END = Theorem(
 _CONNECTION = Theorem("Theorem 6", ("certify heteroclinic",))
 _STABILITY = Theorem("Theorem 7", ("certify heteroclinic",), "linear")
 
-_SHARE = Fraction(1, 1000)  # relative distance from Omega_h of the speeds tried on both sides
+_RELATIVE_DISTANCE = Fraction(
+    1, 1000
+)  # relative distance from Omega_h of the speeds tried on both sides
 # Distance of a start from the saddle [rad]. The field has no quadratic terms there, so the start
 # misses the unstable manifold by the cube of this.
-_OFFSET = Fraction(1, 10**6)
+_START_DISTANCE = Fraction(1, 10**6)
 
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -46,7 +48,9 @@ def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     omega_h = audit.omega_h(name).value
     ends = []
     for sign in (-1, 1):
-        result = unstable_branch(audit.sets[name], omega_h * (1 + sign * _SHARE), audit.engine)
+        result = unstable_branch(
+            audit.sets[name], omega_h * (1 + sign * _RELATIVE_DISTANCE), audit.engine
+        )
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
     holds = ends[0] in ("passes", "flat") and ends[1] == "turns back"
     return f"{ends[0]} below, {ends[1]} above", holds
@@ -73,7 +77,7 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
     times = numpy.arange(0, 12, 0.002)
     closest = []
     for sign in (1, -1):
-        beta, gamma, v = (sign * part * _OFFSET / omega for part in direction)
+        beta, gamma, v = (sign * part * _START_DISTANCE / omega for part in direction)
         start = (beta, Exact(gamma, Fraction(-sign)), v)
         request = Request(parameters, omega, start, 12, shifted=True, times=times, domain="none")
         distances = numpy.abs(

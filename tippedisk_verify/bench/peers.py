@@ -24,7 +24,7 @@ from tippedisk_verify.model.precision import DOUBLE
 __all__ = ["PEERS", "peer_methods"]
 
 _TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_MOST_STEPS = 1_000_000  # more than any of these runs takes
+_MAX_STEPS = 1_000_000  # more than any of these runs takes
 
 
 def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
@@ -47,7 +47,7 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
             method=kind,
             rtol=tolerance,
             atol=tolerance,
-            max_num_steps=_MOST_STEPS,
+            max_num_steps=_MAX_STEPS,
             jacfn=slope,
         )
         start = numpy.array(problem.start)
@@ -89,7 +89,7 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
                     None,
                     start,
                     saveat=save,
-                    max_steps=_MOST_STEPS,
+                    max_steps=_MAX_STEPS,
                     stepsize_controller=controller,
                     throw=False,
                 )
@@ -137,7 +137,7 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
                 numpy.array([0.0, *times]),
                 rtol=tolerance,
                 atol=tolerance,
-                mxstep=_MOST_STEPS,
+                mxstep=_MAX_STEPS,
             )
 
         def sampled() -> MethodRun:

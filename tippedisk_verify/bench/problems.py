@@ -167,7 +167,7 @@ def _with_epsilon(value: str) -> Parameters:
 
 
 _HALF_PI = 1.5707963267948966
-_BELOW = float(omega_crit(PRINTED, 20).value - Fraction(1, 2))
+_OMEGA = float(omega_crit(PRINTED, 20).value - Fraction(1, 2))
 
 PROBLEMS: tuple[Problem, ...] = (
     Problem(
@@ -182,7 +182,7 @@ PROBLEMS: tuple[Problem, ...] = (
         "transient",
         "0.3 s from far off the slow manifold onto it",
         PRINTED,
-        _BELOW,
+        _OMEGA,
         (1.3, 2.2, 6.0),
         0.3,
     ),
@@ -206,7 +206,7 @@ PROBLEMS: tuple[Problem, ...] = (
         "epsilon-1e-3",
         "2 s with epsilon = 1e-3: rates of 1.3e4 per second",
         _with_epsilon("0.001"),
-        _BELOW,
+        _OMEGA,
         (_HALF_PI, 2.0, 0.0),
         2.0,
     ),
@@ -214,7 +214,7 @@ PROBLEMS: tuple[Problem, ...] = (
         "epsilon-1e-4",
         "0.2 s with epsilon = 1e-4: rates of 1.3e5 per second",
         _with_epsilon("0.0001"),
-        _BELOW,
+        _OMEGA,
         (_HALF_PI, 2.0, 0.0),
         0.2,
     ),

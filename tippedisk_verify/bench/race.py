@@ -23,10 +23,10 @@ from tippedisk_verify.provenance import processor, versions
 
 __all__ = ["Score", "machine", "raced", "ratios"]
 
-_REPEATS = 5  # at most
-_BRIEF = 0.03  # s; longer runs are repeated less often
-_LONG = 0.3  # s; longer runs are not repeated
-_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
+_MAX_REPEATS = 5  # at most
+_BRIEF_RUN = 0.03  # s; longer runs are repeated less often
+_LONG_RUN = 0.3  # s; longer runs are not repeated
+_ERROR_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
 # The group that each family is compared in.
 _GROUPS = {
     "heyoka": "heyoka",
@@ -98,14 +98,14 @@ def raced(
             if method.fits(problem):
                 advance(f"{problem.name}: {method.name}", 1)
                 entries += _first_runs(problem, method)
-        for repeat in range(_REPEATS - 1):
+        for repeat in range(_MAX_REPEATS - 1):
             for entry in entries:
                 if (
                     entry.prepared
                     and entry.seconds
-                    and entry.seconds[0] <= (_BRIEF if repeat else _LONG)
+                    and entry.seconds[0] <= (_BRIEF_RUN if repeat else _LONG_RUN)
                 ):
-                    if entry.seconds[0] <= _BRIEF:
+                    if entry.seconds[0] <= _BRIEF_RUN:
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
         truth = truth_of(problem, sharp)
@@ -222,7 +222,7 @@ def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
     """
     rows: list[dict[str, Any]] = []
     for problem in dict.fromkeys(score.problem for score in scores):
-        for bound in _BOUNDS:
+        for bound in _ERROR_BOUNDS:
             best: dict[str, Score] = {}
             for score in scores:
                 within = (

@@ -138,7 +138,7 @@ def heteroclinic(
     prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
     if cycles is None:
         return _written(prover.heteroclinic(near, **how), certificate)
-    end = _written(prover.beside_omega_h(cycles, near, **how), certificate)
+    end = _written(prover.near_omega_h(cycles, near, **how), certificate)
     common.show(end.connection.to_dict() | {"cycles": end.to_dict()})
     return 0 if end.proved else 1
 

@@ -60,7 +60,7 @@ __all__ = [
     "workers_of",
 ]
 
-_FEWEST_OFFERED = 16  # processes that --jobs allows on any machine
+_MIN_OFFERED = 16  # processes that --jobs allows on any machine
 Check = Callable[[click.Context, click.Parameter, Any], Any]  #: click's callback of an option
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
@@ -169,7 +169,7 @@ def checked_jobs(jobs: int | None) -> int | None:
     Raises:
         InputError: If it is out of range.
     """
-    most = max(_FEWEST_OFFERED, 2 * usable_cores())
+    most = max(_MIN_OFFERED, 2 * usable_cores())
     if jobs is not None and not 1 <= jobs <= most:
         raise InputError(
             f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}"

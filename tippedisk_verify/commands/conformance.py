@@ -33,10 +33,10 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_SHOWN = 40  # changes that a terminal shows
-_LONGEST = 86_400.0  # s for an answer
-_UNWRAPPED = 100_000  # width of a file in characters, more than any line has
-_LARGEST = 64_000_000  # bytes of a file that --csv may replace
+_SHOWN_CHANGES = 40  # changes that a terminal shows
+_MAX_SECONDS = 86_400.0  # s for an answer
+_FILE_WIDTH = 100_000  # width of a file in characters, more than any line has
+_MAX_CSV_BYTES = 64_000_000  # bytes of a file that --csv may replace
 
 
 def _known_reading(reading: str) -> str:
@@ -247,8 +247,8 @@ def run(
     from tippedisk_verify.reference_values.fresh import with_fresh
     from tippedisk_verify.reference_values.store import stored
 
-    if not 0 < limit <= _LONGEST:
-        raise InputError(f"--limit must lie between 0 and {_LONGEST:g} seconds, not {limit:g}")
+    if not 0 < limit <= _MAX_SECONDS:
+        raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = stored()
     wanted = _Wanted.checked(store, **grading)
     blank = _blank_ones(states, seed, set_)
@@ -301,18 +301,19 @@ def run(
 @click.argument("new", metavar="NEW")
 @_from_option
 def compare(output: Output, old: str, new: str, from_: str | None) -> int:
+    from tippedisk_verify.conformance.gate import grade_changes
     from tippedisk_verify.conformance.grading import graded
-    from tippedisk_verify.conformance.regression import changes
 
     with output.progress() as advance:
-        listed = changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
+        listed = grade_changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
     kinds = ("broken", "gone", "lost", "gained")
     counts = {kind: sum(change.kind == kind for change in listed) for kind in kinds}
     lines = [
-        f"{change.kind:8}{change.id}  {_digits(change.to_dict())}" for change in listed[:_SHOWN]
+        f"{change.kind:8}{change.id}  {_digits(change.to_dict())}"
+        for change in listed[:_SHOWN_CHANGES]
     ]
-    if len(listed) > _SHOWN:
-        lines.append(f"{len(listed) - _SHOWN} more: use --json to see all")
+    if len(listed) > _SHOWN_CHANGES:
+        lines.append(f"{len(listed) - _SHOWN_CHANGES} more: use --json to see all")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
     output.show({**counts, "changes": [change.to_dict() for change in listed]}, lines)
     return 1 if counts["broken"] or counts["gone"] else 0
@@ -389,7 +390,7 @@ class _Wanted:
         Raises:
             InputError: If a file cannot be written or read.
         """
-        from tippedisk_verify.conformance.regression import expected_failures as named
+        from tippedisk_verify.conformance.gate import expected_failures as named
 
         if csv is not None:
             _over_grades(csv)
@@ -414,9 +415,9 @@ class _Wanted:
         from rich.console import Console
 
         from tippedisk_verify.conformance.diagnosis import diagnosed
+        from tippedisk_verify.conformance.gate import badge, shortcomings
         from tippedisk_verify.conformance.grading import levels_of
         from tippedisk_verify.conformance.pages import Report, html_page, print_report
-        from tippedisk_verify.conformance.regression import badge, shortcomings
 
         levels = levels_of(grades, asked)
         with output.progress() as advance:
@@ -438,7 +439,7 @@ class _Wanted:
             output.show(report.to_dict())
         elif not output.quiet:
             terminal = Console()  # a file gets a width at which nothing is wrapped
-            print_report(report, terminal if terminal.is_terminal else Console(width=_UNWRAPPED))
+            print_report(report, terminal if terminal.is_terminal else Console(width=_FILE_WIDTH))
         return 1 if short else 0
 
 
@@ -447,7 +448,7 @@ def _over_grades(path: Path) -> None:
 
     Sheets of answers are CSV files as well.
     """
-    if path.exists() and not read_text(path, _LARGEST).startswith("level,quantity,"):
+    if path.exists() and not read_text(path, _MAX_CSV_BYTES).startswith("level,quantity,"):
         raise InputError(
             f"{path} is not a table of grades, and --csv would overwrite it; give another name"
         )

@@ -28,12 +28,12 @@ from tippedisk_verify.model.results import with_widths
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tippedisk_verify.cycles.near_heteroclinic import NearHeteroclinic
+    from tippedisk_verify.cycles.distance_study import NearHeteroclinic
 
 __all__ = ["COMMANDS"]
 
-_MOST_DISTANCES = 1000
-_LARGEST_FILE = 2**20  # bytes of a file of answers; each takes seconds
+_MAX_DISTANCES = 1000
+_MAX_FILE = 2**20  # bytes of a file of answers; each takes seconds
 
 
 @disk_command("Compute Omega_h, where the saddles are connected, by one of several methods.")
@@ -89,7 +89,7 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
     Show a row for each distance and answer, and write the table or the figure.
     """
-    pairs = None if answers is None else _answers(read_text(Path(answers), _LARGEST_FILE))
+    pairs = None if answers is None else _answers(read_text(Path(answers), _MAX_FILE))
     study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
     result = study.to_dict()
     if out is not None and out.suffix.lower() == ".png":
@@ -97,7 +97,7 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
         write_bytes(out, encoded(study.plot().figure, "png"))
     elif out is not None:
-        from tippedisk_verify.cycles.near_heteroclinic import LAWS
+        from tippedisk_verify.cycles.distance_study import LAWS
 
         rows = [{**row, **dict(zip(LAWS, row["law"], strict=True))} for row in result["rows"]]
         write_table(
@@ -153,12 +153,12 @@ def _distances(text: str) -> list[str]:
     try:
         first, last, count = text.split(":")
         ends, number = [math.log10(float(exact(end))) for end in (first, last)], int(count)
-        if not 1 <= number <= _MOST_DISTANCES:
+        if not 1 <= number <= _MAX_DISTANCES:
             raise ValueError
     except (ValueError, ArithmeticError):
         raise InputError(
             f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with COUNT up to "
-            f"{_MOST_DISTANCES}, not '{text[:60]}'"
+            f"{_MAX_DISTANCES}, not '{text[:60]}'"
         ) from None
     steps = [n / max(1, number - 1) for n in range(number)]
     exponents = [ends[0] + (ends[1] - ends[0]) * step for step in steps]

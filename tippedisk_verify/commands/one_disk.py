@@ -44,8 +44,8 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_MOST_TIMES = 1_000_000  # of one motion
-_LARGEST_FILE = 2**25  # bytes of a file of times
+_MAX_TIMES = 1_000_000  # of one motion
+_MAX_FILE = 2**25  # bytes of a file of times
 _BRANCH_DIGITS = 12  # of the cycles of a family
 _STATES = ("inverted", "noninverted")
 
@@ -136,12 +136,12 @@ def _times(text: str, ends: list[str]) -> Sequence[Any]:
     from tippedisk_verify.motion.times import EvenTimes
 
     if not text.isdecimal():
-        lines = read_text(Path(text), _LARGEST_FILE).splitlines()
+        lines = read_text(Path(text), _MAX_FILE).splitlines()
         column = [line.split(",")[0].strip() for line in lines if line.strip()]
         return column[1:] if column[:1] == ["t"] else column
-    if not 2 <= (count := int(text[:20])) <= _MOST_TIMES:
+    if not 2 <= (count := int(text[:20])) <= _MAX_TIMES:
         raise InputError(
-            f"--times is a number from 2 to {_MOST_TIMES}, or a file, not '{text[:40]}'"
+            f"--times is a number from 2 to {_MAX_TIMES}, or a file, not '{text[:40]}'"
         )
     first, last = exact(ends[0] if len(ends) > 1 else 0), exact(ends[-1])
     return EvenTimes(first, last, count)

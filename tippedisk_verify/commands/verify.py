@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 __all__ = ["COMMANDS"]
 
-_MOST_PROCESSES = 8  # the main job has not enough tasks for more
+_MAX_PROCESSES = 8  # the main job has not enough tasks for more
 
 
 @disk_command(
@@ -131,9 +131,9 @@ def verify(
 def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
     """Return a context manager that yields a pool for ``wanted`` tasks, or None for one process.
 
-    The pool has ``jobs`` processes, or as many as there are cores, up to `_MOST_PROCESSES`.
+    The pool has ``jobs`` processes, or as many as there are cores, up to `_MAX_PROCESSES`.
     """
-    workers = jobs or min(usable_cores(), wanted, _MOST_PROCESSES)
+    workers = jobs or min(usable_cores(), wanted, _MAX_PROCESSES)
     return processes(workers) if workers > 1 else nullcontext(None)
 
 

@@ -32,7 +32,7 @@ from tippedisk_verify.provenance import code_version
 __all__ = ["Checked", "Pool", "cluster", "kill_workers"]
 
 _QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"  # an entry of PYTHONWARNINGS
-_PATIENCE = 15.0  # s to wait for a scheduler's answer, and for a first worker
+_SCHEDULER_TIMEOUT = 15.0  # s to wait for a scheduler's answer, and for a first worker
 
 
 class Pool(ProcessPoolExecutor):
@@ -127,14 +127,16 @@ def cluster(address: str) -> Iterator[Executor]:
         try:
             asyncio.run(_refuse_others(f"tcp://{host}"))
             with warnings.catch_warnings(action="ignore"):  # about versions, which each call checks
-                client: Any = Client(f"tcp://{host}", timeout=_PATIENCE, set_as_default=False)  # type: ignore[no-untyped-call]
+                client: Any = Client(
+                    f"tcp://{host}", timeout=_SCHEDULER_TIMEOUT, set_as_default=False
+                )  # type: ignore[no-untyped-call]
         except Exception:  # another server may answer anything
             raise InputError(
                 f"no Dask scheduler answers at {host[:80]}: give the address that it printed"
             ) from None
         with client:
             try:
-                client.wait_for_workers(1, timeout=_PATIENCE)
+                client.wait_for_workers(1, timeout=_SCHEDULER_TIMEOUT)
             except TimeoutError:
                 raise AccuracyError(
                     f"{host} has no worker: start some with 'dask worker tcp://{host}'"
@@ -154,6 +156,6 @@ def cluster(address: str) -> Iterator[Executor]:
 async def _refuse_others(address: str) -> None:
     from distributed import rpc
 
-    async with asyncio.timeout(_PATIENCE), rpc(address) as server:  # type: ignore[no-untyped-call]
+    async with asyncio.timeout(_SCHEDULER_TIMEOUT), rpc(address) as server:  # type: ignore[no-untyped-call]
         if (await server.identity())["type"] != "Scheduler":
             raise ValueError

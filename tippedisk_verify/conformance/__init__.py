@@ -2,9 +2,9 @@
 
 - `sheet` writes questions and reads answers.
 - `grading` counts digits.
-- `diagnosis` changes a right program until it gives the answers that fail.
+- `diagnosis` finds the fewest changes of the right equations that give the wrong answers.
 - `pages` shows the result.
-- `regression` makes a gate of it.
+- `gate` decides whether grades pass, and compares them with earlier ones.
 - `clients` has programs to copy.
 """
 

@@ -17,7 +17,7 @@ from tippedisk_verify.errors import InputError
 
 __all__ = ["as_decimal", "is_missing"]
 
-_LONGEST = 2_000  # characters of an answer; more than any value has
+_MAX_ANSWER = 2_000  # characters of an answer; more than any value has
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)"
 _MANTISSA = rf"[+-]?{_SIZE}"
 _NUMBER = rf"{_MANTISSA}(?:[edq][+-]?\d+)?"
@@ -164,7 +164,7 @@ def as_decimal(text: str) -> Decimal:
     Raises:
         InputError: If the text is not a number, with a description of the text and advice.
     """
-    if len(text) > _LONGEST:
+    if len(text) > _MAX_ANSWER:
         raise InputError("more characters than an answer has; write one number")
     for form in _READ:
         if found := form.fullmatch(text):

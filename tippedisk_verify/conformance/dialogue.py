@@ -25,11 +25,11 @@ from tippedisk_verify.interrupts import unbroken, undoing
 
 __all__ = ["Program", "started"]
 
-_LONGEST = 100_000  # bytes of a line that are kept; an answer has two thousand at most
+_MAX_LINE = 100_000  # bytes of a line that are kept; an answer has two thousand at most
 _SHOWN, _WIDEST = 20, 300  # lines of standard error that are kept, and bytes of each
 _AT_ONCE = 65_536  # bytes of one read or write
-_LOOK = 0.02  # s between checks that the program still runs
-_PATIENCE = 5.0  # s, the longest time for a program to end after its input has ended
+_POLL_INTERVAL = 0.02  # s between checks that the program still runs
+_END_TIMEOUT = 5.0  # s, the longest time for a program to end after its input has ended
 
 
 class Program:
@@ -147,7 +147,7 @@ class Program:
         return next((known.name for known in signal.Signals if known == -code), f"signal {-code}")
 
     def _ends(self, take: Callable[[str], None]) -> bool:
-        deadline = time.monotonic() + min(self._limit, _PATIENCE)
+        deadline = time.monotonic() + min(self._limit, _END_TIMEOUT)
         while not (self._closed and self._fate()) and time.monotonic() < deadline:
             self._listen(take)
         return bool(self._fate())
@@ -160,7 +160,7 @@ class Program:
 
     def _listen(self, take: Callable[[str], None]) -> None:
         """Check all pipes once, and pass the lines read to ``take``."""
-        ready = self._selector.select(_LOOK)
+        ready = self._selector.select(_POLL_INTERVAL)
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
         # A child of the program may keep the pipe open after the program has ended.
         if not ready and not self._closed and self._fate():
@@ -183,7 +183,7 @@ class Program:
     def _hear(self, stream: IO[bytes]) -> list[bytes]:
         content = self._received(stream)
         *whole, rest = (self._rest + content).split(b"\n")
-        self._rest = rest[:_LONGEST]
+        self._rest = rest[:_MAX_LINE]
         return whole if content else self._last()
 
     def _last(self) -> list[bytes]:

@@ -59,9 +59,9 @@ LEVEL_NAMES = {
     9: "near the connection",
     10: "rotating cycles",
 }
-_LEAST_DIGITS = 1.0  # digits that even rounded inputs must leave
+_MIN_DIGITS = 1.0  # digits that even rounded inputs must leave
 # The largest power of ten of an answer; arithmetic with larger ones takes long
-_LARGEST_EXPONENT = 100_000
+_MAX_EXPONENT = 100_000
 # The share of the digits needed from which on an answer is imprecise rather than wrong.
 _IMPRECISE_SHARE = 0.5
 
@@ -246,8 +246,8 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
             "not-a-number",
             "it says that there is no number" if answer.is_nan() else "it is infinite",
         )
-    if answer and abs(answer.adjusted()) > _LARGEST_EXPONENT:
-        return failed("not-a-number", f"its exponent is beyond {_LARGEST_EXPONENT}")
+    if answer and abs(answer.adjusted()) > _MAX_EXPONENT:
+        return failed("not-a-number", f"its exponent is beyond {_MAX_EXPONENT}")
     value = quantity.values.get(reading)  # type: ignore[call-overload]
     if value is None:
         note = (
@@ -269,7 +269,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _LEAST_DIGITS and away <= slopes * Decimal(ROUNDING):
+    elif digits >= _MIN_DIGITS and away <= slopes * Decimal(ROUNDING):
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
     elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"

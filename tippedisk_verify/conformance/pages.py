@@ -32,9 +32,9 @@ _LEGEND = {
     "few": "too few digits",
     "wrong": "wrong, or no number",
 }
-_WORST = 12  # failures in the list of the worst answers
-_MOST_REASONS = 5  # reasons listed why answers are not numbers
-_MOST_ROWS = 2_000  # rows of a level on a page, failures first; the JSON contains all
+_LISTED_FAILURES = 12  # failures in the list of the worst answers
+_MAX_REASONS = 5  # reasons listed why answers are not numbers
+_MAX_ROWS = 2_000  # rows of a level on a page, failures first; the JSON contains all
 
 
 @dataclass(frozen=True, repr=False)
@@ -175,9 +175,9 @@ class Report(Printable):
             f"{counted(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
             f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
-            for reason, grades in list(by_reason.items())[:_MOST_REASONS]
+            for reason, grades in list(by_reason.items())[:_MAX_REASONS]
         ]
-        more = len(by_reason) - _MOST_REASONS
+        more = len(by_reason) - _MAX_REASONS
         return said + (
             [f"{counted(more, 'more reason', 'more reasons')} why answers are not numbers"]
             if more > 0
@@ -242,7 +242,7 @@ class Report(Printable):
 
     def worst(self) -> list[Grade]:
         """Return up to twelve failures: by level, and at each level by digits, fewest first."""
-        return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_WORST]
+        return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_LISTED_FAILURES]
 
 
 def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[str]:
@@ -445,7 +445,7 @@ def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
     )
     return {
         "grade": level,
-        "failed": [grade for grade in own[:_MOST_ROWS] if grade.failed],
-        "passed": [grade for grade in own[:_MOST_ROWS] if not grade.failed],
-        "hidden": max(len(own) - _MOST_ROWS, 0),
+        "failed": [grade for grade in own[:_MAX_ROWS] if grade.failed],
+        "passed": [grade for grade in own[:_MAX_ROWS] if not grade.failed],
+        "hidden": max(len(own) - _MAX_ROWS, 0),
     }

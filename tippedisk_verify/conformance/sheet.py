@@ -54,16 +54,16 @@ __all__ = [
 _QUESTION = COLUMNS[1:-2]  # the columns that describe the question, apart from the id
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
 # bytes; a sheet with every question and fifty digits each is about ten million long
-_LARGEST = 64_000_000
-_LONGEST = 2_000  # characters of an answer
-_MOST_UNKNOWN = 1_000
+_MAX_SHEET_BYTES = 64_000_000
+_MAX_ANSWER = 2_000  # characters of an answer
+_MAX_UNKNOWN = 1_000
 _READINGS = ("decimals", "doubles")
 _SEPARATORS = ("\t", ";", ",")
 _DECLARED = re.compile(
     r"sep=([^\"\s]|\t)", re.IGNORECASE
 )  # the first line with which a spreadsheet declares its separator
 _JSON_NAMES = ("format", "from", "questions", "answers")
-_MOST_STRANGE = 20  # names that are listed
+_MAX_STRANGE = 20  # names that are listed
 
 
 @dataclass
@@ -185,7 +185,7 @@ def store_for(
     Raises:
         InputError: If the file cannot be read.
     """
-    text = read_text(path, _LARGEST)
+    text = read_text(path, _MAX_SHEET_BYTES)
     if "fresh-" not in text:
         return store
     from tippedisk_verify.reference_values.fresh import with_fresh
@@ -204,7 +204,7 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
     Raises:
         InputError: If the file cannot be read as a sheet at all.
     """
-    text = read_text(path, _LARGEST)
+    text = read_text(path, _MAX_SHEET_BYTES)
     answers = Answers()
     try:
         rows = (
@@ -361,7 +361,7 @@ def _separator(header: str) -> str:
 def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
         said = "" if not name or name in known else _with_likely(name, known)
-        if said and said not in answers.strange and len(answers.strange) < _MOST_STRANGE:
+        if said and said not in answers.strange and len(answers.strange) < _MAX_STRANGE:
             answers.strange.append(said)
 
 
@@ -380,7 +380,7 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
     """List the names in a sheet for a message, as many as fit; "none" if there are none."""
     return (
-        ", ".join(_with_likely(name, known) for name in list(names)[:_MOST_STRANGE])[:400] or "none"
+        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
     )
 
 
@@ -412,7 +412,7 @@ def collected(
         if not answer:
             continue
         if id_ not in store:
-            if len(answers.unknown) < _MOST_UNKNOWN:
+            if len(answers.unknown) < _MAX_UNKNOWN:
                 answers.unknown.append(id_[:200])
             continue
         if (column := _altered(asked, store, store[id_])) is not None:
@@ -431,7 +431,7 @@ def collected(
             )
         answers.given[id_] = (
             reading,
-            answer if len(answer) <= _LONGEST else "(longer than 2000 characters)",
+            answer if len(answer) <= _MAX_ANSWER else "(longer than 2000 characters)",
         )
     return _without_missing(answers)
 

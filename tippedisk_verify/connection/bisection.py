@@ -35,21 +35,21 @@ __all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
 _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
 # sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs
 # no pi.
-_PASSES = Event(
+_PASSAGE = Event(
     "passes", lambda ops, c, omega, beta, gamma, v: ops.sin(gamma / 2) + ops.cos(gamma / 2)
 )
 
 # The distance of the start from the saddle, along the eigenvector. The symmetry about the saddle
 # leaves no quadratic terms, so the start misses the unstable manifold by the cube of the distance,
 # most of it along directions that decay.
-_OFFSET = Fraction(1, 2**17)
+_START_DISTANCE = Fraction(1, 2**17)
 #: Relative tolerances of the repeated runs of the baseline, looser than its own, which is 1e-13.
 _TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
 #: The half-width in spreads of those runs, as in `error_budget`.
-_SPREADS = 4
-_KEPT = 256  # connections in the cache
+_SPREAD_FACTOR = 4
+_CACHED_CONNECTIONS = 256  # connections in the cache
 # The longest flight [s]. A passage within 1e-16 of the saddle takes less than 12 s.
-_LONGEST = 60.0
+_MAX_FLIGHT = 60.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -66,7 +66,7 @@ def unstable_branch(
     engine: Engine,
     *,
     precision: Precision = DOUBLE,
-    offset: Fraction = _OFFSET,
+    offset: Fraction = _START_DISTANCE,
     tolerance: float | None = None,
 ) -> Result:
     """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma.
@@ -98,16 +98,16 @@ def unstable_branch(
             parameters,
             omega,
             start,
-            _LONGEST,
+            _MAX_FLIGHT,
             precision=precision,
             tolerance=tolerance,
-            events=(_TURNS_BACK, _PASSES),
+            events=(_TURNS_BACK, _PASSAGE),
         )
     )
 
 
 @undisturbed
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CONNECTIONS)
 def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
     """Return Omega_h, found by bisection on the side to which the unstable branch goes.
 
@@ -145,7 +145,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
             "bisection, tolerances",
         )
     wider = companion(DOUBLE)
-    confirmed = partial(passes, precision=wider, offset=_OFFSET / 8)
+    confirmed = partial(passes, precision=wider, offset=_START_DISTANCE / 8)
     while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2
         if half_width > centre / 1000:
@@ -163,7 +163,7 @@ def _passes(
     engine: Engine,
     omega: Fraction,
     precision: Precision = DOUBLE,
-    offset: Fraction = _OFFSET,
+    offset: Fraction = _START_DISTANCE,
     tolerance: float | None = None,
 ) -> bool:
     """Return True if the unstable branch passes the next saddle, False if it turns back. Raises
@@ -176,7 +176,7 @@ def _passes(
         raise AccuracyError(
             f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}"
         )
-    return result.status is Status.FLAT or result.events[-1].name == _PASSES.name
+    return result.status is Status.FLAT or result.events[-1].name == _PASSAGE.name
 
 
 def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Fraction:
@@ -186,7 +186,7 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
     kinks, so the error there does not follow the tolerance: every sequence of steps has a different
     error. Each run at one of `_TOLERANCES` is a draw of that error. All of these are looser than
     the baseline's own tolerance. The half-width is the spread of the draws and the answer, times
-    `_SPREADS`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding that
+    `_SPREAD_FACTOR`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding that
     the passage amplifies.
     """
     values = [centre]
@@ -199,7 +199,7 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
         while loosely(upper):
             lower, upper = upper, upper + 8 * (upper - lower)
         values.append(_narrowed(loosely, lower, upper)[0])
-    return _SPREADS * (max(values) - min(values)) + centre / 2**48
+    return _SPREAD_FACTOR * (max(values) - min(values)) + centre / 2**48
 
 
 def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:

@@ -25,16 +25,16 @@ from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["Heteroclinic", "Method", "connection_at"]
+__all__ = ["ConnectionMethod", "Heteroclinic", "connection_at"]
 
-Method = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
+ConnectionMethod = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 # The start's distance from the first saddle, where the branch's series is exact to 30 digits
-_BEGINNING = Fraction(1, 10**6)
+_START_DISTANCE = Fraction(1, 10**6)
 _SADDLE_BITS, _SADDLE_ORDER = 120, 6
-_FOLLOWED = 12.0  # s; by then doubles have long left the connection
+_MAX_FLIGHT = 12.0  # s; by then doubles have long left the connection
 _OVERVIEW_POINTS = 6001  # samples of the first flight, 0.002 s apart
 _ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
-_UPRIGHT = Event(
+_GAMMA_TOP = Event(
     "upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False
 )
 
@@ -58,7 +58,7 @@ class Heteroclinic(Printable):
             "sum of the unstable and the slow stable eigenvalue; below 0 cycles attract", "1/s"
         )
     )
-    method: Method
+    method: ConnectionMethod
     parameters: Parameters  #: the disk and its friction law
     engine: str  #: the name of the engine that computed it
     splitting_derivative: Measured | None = field(
@@ -114,7 +114,7 @@ class Heteroclinic(Printable):
         if count < 2:
             raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
         engine, omega_h = engine or default_engine(), self.omega_h
-        overview = numpy.linspace(0, _FOLLOWED, _OVERVIEW_POINTS)
+        overview = numpy.linspace(0, _MAX_FLIGHT, _OVERVIEW_POINTS)
         run = self._branch(omega_h.value, overview, engine, measured=False)
         distances = numpy.abs(run.samples - numpy.array([0, math.pi, 0])).max(axis=1)
         since = numpy.linspace(0, overview[int(numpy.argmin(distances))], count)
@@ -144,7 +144,7 @@ class Heteroclinic(Printable):
         Its event is gamma = pi/2. Raises AccuracyError if the flight does not reach the last time.
         """
         start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(
-            _BEGINNING
+            _START_DISTANCE
         )
         request = Request(
             self.parameters,
@@ -153,7 +153,7 @@ class Heteroclinic(Printable):
             times[-1],
             shifted=True,
             times=times,
-            events=(_UPRIGHT,),
+            events=(_GAMMA_TOP,),
             domain="none",
             error_estimate=measured and engine.measures_error,
             digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
@@ -169,7 +169,7 @@ def connection_at(
     omega_h: Measured,
     digits: int,
     *,
-    method: Method,
+    method: ConnectionMethod,
     engine: Engine,
     zero: SplittingZero | None = None,
 ) -> Heteroclinic:

@@ -48,7 +48,7 @@ from tippedisk_verify.progress import reached
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = [
-    "MOST_DIGITS",
+    "MAX_DIGITS",
     "Splitting",
     "SplittingFunction",
     "SplittingZero",
@@ -57,15 +57,17 @@ __all__ = [
 
 #: The largest number of digits of Omega_h. They take some hours: the time grows like the power 2.5
 #: of the digits.
-MOST_DIGITS = 1000
+MAX_DIGITS = 1000
 
 # Guard digits of the first attempt: the passages amplify rounding, and the starts cancel.
-_GUARD = 6
-_FAR = 0.02  # distance from the second saddle at which double still sees the approach clearly
-_LONGEST = 30.0  # s, the longest flight
-_MOST_STEPS = 8  # Newton steps in one arithmetic
-_MOST_CURVATURE = 10**8  # s/rad; a bound of the slope's relative change with Omega
-_KEPT = 256  # zeros in the cache
+_GUARD_DIGITS = 6
+_END_DISTANCE = (
+    0.02  # distance from the second saddle at which double still sees the approach clearly
+)
+_MAX_FLIGHT = 30.0  # s, the longest flight
+_MAX_STEPS = 8  # Newton steps in one arithmetic
+_MAX_CURVATURE = 10**8  # s/rad; a bound of the slope's relative change with Omega
+_CACHED_ZEROS = 256  # zeros in the cache
 # The shares of the time for Omega_h that are over after the last stage and after the wider run. The
 # rest is for the derivative of the splitting.
 _BY_STAGES, _BY_WIDER_RUN = 0.4, 0.6
@@ -219,17 +221,17 @@ class SplittingFunction:
         It is rounded to a hundredth of a second. Raises AccuracyError if the branch does not come
         near the second saddle.
         """
-        times = numpy.arange(0, _LONGEST, 0.01)
+        times = numpy.arange(0, _MAX_FLIGHT, 0.01)
         samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
         distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
-        reached = numpy.flatnonzero(distances < max(_FAR, float(self.end)))
+        reached = numpy.flatnonzero(distances < max(_END_DISTANCE, float(self.end)))
         if not len(reached):
             raise AccuracyError(
                 "the unstable branch does not come near the second saddle: there "
                 "is no connection here"
             )
         begin = float(times[reached[0]])
-        further = math.log(max(_FAR, float(self.end)) / float(self.end)) / -float(
+        further = math.log(max(_END_DISTANCE, float(self.end)) / float(self.end)) / -float(
             saddle.eigenvalues[1]
         )
         return Fraction(round((begin + further) * 100), 100)
@@ -274,7 +276,7 @@ class SplittingZero:
         return {name: Measured.compared(finer[name], rough[name], epsilon) for name in SYMBOLS}
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_ZEROS)
 def splitting_zero(
     parameters: Parameters, guess: Fraction, engine: Engine, digits: int
 ) -> SplittingZero:
@@ -291,13 +293,13 @@ def splitting_zero(
             are not reached.
         NoConnectionError: If there are no saddles to connect.
     """
-    guard = _GUARD
+    guard = _GUARD_DIGITS
     while True:
         zero = _zero(parameters, guess, engine, _stages(digits + guard))
         if zero.omega_h.uncertainty <= zero.omega_h.value / 10**digits:
             return zero
         guard *= 2
-        if guard > 8 * _GUARD:
+        if guard > 8 * _GUARD_DIGITS:
             raise AccuracyError(
                 f"only {float(zero.omega_h.uncertainty):.1e} rad/s could be had for Omega_h: ask "
                 f"for fewer digits"
@@ -314,7 +316,7 @@ def _stages(wanted: int) -> list[Precision]:
     stages: list[Precision] = []
     while wanted > QUADRUPLE.digits:
         stages.append(bits(bits_for_digits(wanted)))
-        wanted = wanted // 2 + _GUARD
+        wanted = wanted // 2 + _GUARD_DIGITS
     return [QUADRUPLE, *stages[::-1]]
 
 
@@ -333,7 +335,7 @@ def unmeasured_zero(
         AccuracyError: If the iteration does not settle, or the branch does not arrive.
         NoConnectionError: If there are no saddles to connect.
     """
-    _, omega, _ = _root(parameters, guess, engine, _stages(digits + _GUARD))
+    _, omega, _ = _root(parameters, guess, engine, _stages(digits + _GUARD_DIGITS))
     return Measured.without_half_width(omega, digits)
 
 
@@ -399,13 +401,13 @@ def _newton(
     """
     resolution = omega * splitting_at.precision.epsilon
     previous: tuple[Fraction, Fraction] | None = None
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         value = splitting_at(omega).carried
         if slope is None:
             slope = _Slope(splitting_at.slope(omega), 1000 * splitting_at.step)
         elif previous is not None and previous[0] != omega:
             step = omega - previous[0]
-            error = _MOST_CURVATURE * abs(step) + 1000 * resolution / abs(step)
+            error = _MAX_CURVATURE * abs(step) + 1000 * resolution / abs(step)
             secant = _Slope((value - previous[1]) / step, error)
             slope = min(slope, secant, key=lambda candidate: candidate.error)
         if not slope.value:
@@ -415,7 +417,7 @@ def _newton(
         change = -value / slope.value
         previous = omega, value
         omega = _cut(omega + change, splitting_at.precision)
-        if abs(change) * max(_MOST_CURVATURE * abs(change), slope.error) < 1000 * resolution:
+        if abs(change) * max(_MAX_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
     raise AccuracyError(
         "the iteration for Omega_h does not settle: check the approximation from which it starts"

@@ -6,12 +6,12 @@ import math
 from fractions import Fraction
 from typing import Any, TypeVar
 
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Location, Locator, locator
-from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near, with_speed
 from tippedisk_verify.cycles.passage_cycles import cycle_by_passages, shared_digits
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS, cycle_near, with_speed
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import exact, shown
@@ -28,7 +28,7 @@ C = TypeVar("C", bound=Cycle)
 # rad/s; closer, passages give twelve digits. From here on 64 bits suffice.
 _BY_PASSAGES = 4 * DOUBLE_SHOOTS
 _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
-_MOST_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
+_MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
 @undisturbed
@@ -152,13 +152,13 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
     value = distance.rational
     # math.log10 takes huge integers too
     zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
-    if zeros > _MOST_ZEROS:
+    if zeros > _MAX_ZEROS:
         raise InputError(
-            f"distances {side} Omega_h are offered down to 1e-{_MOST_ZEROS} rad/s, not 1e-{zeros}"
+            f"distances {side} Omega_h are offered down to 1e-{_MAX_ZEROS} rad/s, not 1e-{zeros}"
         )
-    if zeros + digits > MOST_DIGITS:
+    if zeros + digits > MAX_DIGITS:
         raise InputError(
-            f"Omega_h is offered to {MOST_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it "
+            f"Omega_h is offered to {MAX_DIGITS} digits: {digits} at 1e-{zeros} rad/s {side} it "
             f"need more"
         )
     # The speed must be right to the digits asked for, and T depends on the logarithm of the

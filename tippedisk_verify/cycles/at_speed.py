@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import NEWBORN, shoot, shoot_from_law
+from tippedisk_verify.cycles.shooting import NEWBORN, shoot, shoot_from_amplitude_law
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -72,7 +72,7 @@ def cycle_at(
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
-        fixed_point = shoot_from_law(ReturnMap(LIBRATING, parameters, speed, engine))
+        fixed_point = shoot_from_amplitude_law(ReturnMap(LIBRATING, parameters, speed, engine))
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:

@@ -28,8 +28,8 @@ from tippedisk_verify.model.friction import LAWS
 
 __all__ = ["BatchCycles", "shoot_batch"]
 
-_MOST_STEPS = 12
-_LONGEST = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
+_MAX_STEPS = 12
+_MAX_FLIGHT = 60.0  # s; half a period within rounding of Omega_h takes less than 6 s
 # The relative step that leaves, by quadratic convergence, an error below rounding.
 _SMALL_STEP = 1e-11
 # The places of the unknowns that may be fixed, among the two coordinates, the flight time and
@@ -171,7 +171,7 @@ class _SectionBatch:
         active = numpy.flatnonzero(self._possible(unknowns))
         # Below this the iteration is on its way to the equilibrium.
         smallest = numpy.abs(unknowns[:, 0]) / 5
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             if not len(active):
                 break
             step = self._step(unknowns[active], active)
@@ -195,7 +195,10 @@ class _SectionBatch:
         """Return a mask of the runs that may go on: within the section, and forward in time."""
         first, second, flight, omega = unknowns.T
         inside = (
-            self._section.possible(first, second) & (flight > 0) & (flight < _LONGEST) & (omega > 0)
+            self._section.possible(first, second)
+            & (flight > 0)
+            & (flight < _MAX_FLIGHT)
+            & (omega > 0)
         )
         return inside & numpy.isfinite(unknowns).all(axis=1)
 

@@ -25,9 +25,9 @@ from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Locator, locator
-from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -75,16 +75,16 @@ _SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
 DEFAULT_COUNT = 41  #: the number of speeds in the overview of the librating cycles
 DEFAULT_ROTATIONS = 40  #: the number of speeds in the overview of the rotating cycles
-_FEWEST_ON_PIECE = 11  # the least number of speeds on a piece between folds
+_MIN_ON_PIECE = 11  # the least number of speeds on a piece between folds
 # A relative distance of speeds. Closer to the Hopf point or a fold doubles do not separate cycles.
-_UNRESOLVED = 1e-10
-_MOST_SPEEDS = 1_000_000
+_MIN_DISTANCE = 1e-10
+_MAX_SPEEDS = 1_000_000
 # The digits that a cycle from the lanes must have. With fewer a speed is solved alone.
 _DIGITS_IN_LANES = {"librating": 0, "rotating": 12}
 _STEPS = 400  # the steps of each of the paper's sets
 PAPER_COUNT = 2 * _STEPS + 1  #: the number of speeds in both of the paper's sets
 # The number of speeds from which on it pays to compile for all lanes of the SIMD registers.
-_FEWEST_FOR_LANES = 100
+_MIN_FOR_LANES = 100
 
 
 @dataclass(frozen=True, repr=False)
@@ -199,8 +199,8 @@ class Branch(Printable):
         name = getattr(point, "name", point)
         if name not in going_on:
             raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
-        if whole(count, 2, _MOST_SPEEDS) is None:
-            raise InputError(f"a branch has 2 to {_MOST_SPEEDS} cycles, not {shown(count)}")
+        if whole(count, 2, _MAX_SPEEDS) is None:
+            raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {shown(count)}")
         disk = locator(found(self.cycles)[0].parameters, default_engine())
         return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
@@ -441,8 +441,8 @@ def family(
         return _overview(disk_locator, half_widths)
     else:
         speeds = checked_speeds(omegas)
-        if not 0 < len(speeds) <= _MOST_SPEEDS:
-            raise InputError(f"a family has 1 to {_MOST_SPEEDS} speeds, not {len(speeds)}")
+        if not 0 < len(speeds) <= _MAX_SPEEDS:
+            raise InputError(f"a family has 1 to {_MAX_SPEEDS} speeds, not {len(speeds)}")
     return _at(
         disk_locator,
         LIBRATING,
@@ -465,7 +465,7 @@ def _at(
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    if len(speeds) >= _FEWEST_FOR_LANES and parameters.law.is_linear:
+    if len(speeds) >= _MIN_FOR_LANES and parameters.law.is_linear:
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = in_batches(section, parameters, lanes)
@@ -501,7 +501,7 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
     breaks = family.breaks
     for piece in range(len(breaks) - 1):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
-        count = max(_FEWEST_ON_PIECE, round(DEFAULT_COUNT * share))
+        count = max(_MIN_ON_PIECE, round(DEFAULT_COUNT * share))
         yield from _piece(disk_locator, piece, count, half_widths)
 
 
@@ -514,9 +514,9 @@ def _piece(
     """
     (_, begin), (name, end) = disk_locator.family.ends[piece : piece + 2]
     margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
-    first = begin + math.copysign(max(abs(margin), _UNRESOLVED * begin), margin)
+    first = begin + math.copysign(max(abs(margin), _MIN_DISTANCE * begin), margin)
     last = end - math.copysign(
-        max(abs(margin), closest if name == "Omega_h" else _UNRESOLVED * end), margin
+        max(abs(margin), closest if name == "Omega_h" else _MIN_DISTANCE * end), margin
     )
     if (last - first) * margin <= 0:
         return

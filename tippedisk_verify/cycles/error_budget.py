@@ -45,19 +45,21 @@ from tippedisk_verify.progress import part, reached
 
 __all__ = [
     "MORE_DIGITS",
-    "cycle_in",
+    "cycle_in_precision",
     "cycle_numbers",
     "cycle_of",
     "cycle_to_digits",
+    "iterate_until_rounding",
     "logarithms_bounded",
     "numbers_at",
-    "settled",
     "wider_cycle",
 ]
 
 C = TypeVar("C", bound=Cycle)
 
-_LOST = 3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
+_LOST_DIGITS = (
+    3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
+)
 _DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
 #: The number of twins of a cycle in double, and the half-width in units of the spread. The spread
 #: is that of the twins and the cycle itself. For normal errors as large as the twins' an error
@@ -80,16 +82,16 @@ _STALLED_STEPS = 4
 #: The digits beyond those wanted in which a cycle is solved that doubles do not hold.
 MORE_DIGITS = 20
 # The number of attempts, each with twice as many extra digits. The last takes a minute.
-_MOST_WIDENINGS = 4
+_MAX_WIDENINGS = 4
 # The largest chord step, relative to the cycle's size. With a longer one the derivative is too far
 # off.
-_LARGEST_CHORD_STEP = Fraction(1, 10)
-_MOST_NEWTON_STEPS = 20  # each doubles the digits
+_MAX_CHORD_STEP = Fraction(1, 10)
+_MAX_NEWTON_STEPS = 20  # each doubles the digits
 # The share of the time for a cycle that is over after its first run, and the share of a run that is
 # over after its chord steps. The rest is for derivatives.
 _BY_FIRST_RUN, _BY_CHORDS = 0.4, 0.6
 # The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
-_MOST_SHRINKAGE = 5
+_MAX_SHRINKAGE = 5
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: bool = True) -> C:
@@ -120,7 +122,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         (wider, TWINS_OF_WIDER),
         (companion(wider), TWINS_OF_WIDER),
     ):
-        if wanted + _LOST <= precision.digits:
+        if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
             if cycle is not None and _lacking(cycle, wanted, _SAFETY_OF_CHOICE) is None:
@@ -133,7 +135,7 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
     arithmetic has ``more`` extra digits. They are doubled until the digits are reached, in at most
-    `_MOST_WIDENINGS` attempts.
+    `_MAX_WIDENINGS` attempts.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
@@ -144,8 +146,8 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
         AccuracyError: If the widest arithmetic does not reach the digits.
     """
     name: str | None = None
-    for extra in (more * 2**widening for widening in range(_MOST_WIDENINGS)):
-        cycle = cycle_in(fixed_point, bits(bits_for_digits(digits + extra)))
+    for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
+        cycle = cycle_in_precision(fixed_point, bits(bits_for_digits(digits + extra)))
         if (name := _lacking(cycle, digits)) is None:
             return cycle
     raise AccuracyError(
@@ -153,7 +155,9 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
     )
 
 
-def cycle_in(fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None) -> C:
+def cycle_in_precision(
+    fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None
+) -> C:
     """Return the cycle in one arithmetic, with half-widths from twins in double or from a wider
     arithmetic.
 
@@ -402,7 +406,7 @@ def _sharpened(
     if precision == return_map.precision:
         return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
     return_map = return_map.within(precision)
-    point, standing = settled(return_map, fixed_point)
+    point, standing = iterate_until_rounding(return_map, fixed_point)
     image = return_map(point)
     undecided = [_STALLED_STEPS * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
@@ -412,7 +416,7 @@ def _sharpened(
     return numbers_at(return_map, point, image), doubt, sharper
 
 
-def settled(
+def iterate_until_rounding(
     return_map: ReturnMap[C], fixed_point: FixedPoint[C]
 ) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
     """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or no
@@ -439,13 +443,13 @@ def settled(
 
     def size(iterate: Iterate[C]) -> Fraction:
         is_finite = all(map(math.isfinite, map(float, iterate.step)))
-        if not is_finite or _length(iterate.ahead[:2]) < scale / _MOST_SHRINKAGE:
+        if not is_finite or _length(iterate.ahead[:2]) < scale / _MAX_SHRINKAGE:
             raise failure
         return _length(iterate.step[:2])
 
     def size_of_chord(iterate: Iterate[C]) -> Fraction:
         length = size(iterate)
-        if length > _LARGEST_CHORD_STEP * scale:
+        if length > _MAX_CHORD_STEP * scale:
             raise failure
         if length > small:
             reached(
@@ -465,7 +469,7 @@ def settled(
         point = found.point
     try:
         found = newton(
-            return_map, point, Stop(_MOST_NEWTON_STEPS, failure, small=small, fewest=2), size
+            return_map, point, Stop(_MAX_NEWTON_STEPS, failure, small=small, fewest=2), size
         )
     except NoSuchCycleError:
         raise failure from None

@@ -35,13 +35,13 @@ from tippedisk_verify.model.parameters import Parameters
 __all__ = ["Family", "Place", "Solved", "Solver", "in_batches", "one_at_a_time"]
 
 _SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels and of the others
-_GROUP = 8  # nodes that are solved together
+_GROUP_SIZE = 8  # nodes that are solved together
 _DEGREE = 7  # degree of the extrapolation to the next nodes, through values and slopes
-_JUMPED = 0.3  # relative distance from the guess; a cycle farther away belongs to another family
+_MAX_JUMP = 0.3  # relative distance from the guess; a cycle farther away belongs to another family
 # Largest misfit of values and slopes, relative to the change between neighbours
-_UNCONTINUED = 0.15
+_MAX_MISFIT = 0.15
 _NEXT_TO_A_NODE = 1e-3  # in s; the family is lost if nodes would have to be closer together
-_MOST_STEPS = 10  # steps of Newton's iteration for an abscissa
+_MAX_STEPS = 10  # steps of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step after which only rounding is left
 
 
@@ -165,7 +165,7 @@ class Family:
         )
         rows_before, solved = self._rows, 0
         while solved < self.nodes_per_panel:
-            group = self._solved(wanted[solved : solved + _GROUP], rows_before)
+            group = self._solved(wanted[solved : solved + _GROUP_SIZE], rows_before)
             if not len(group):
                 rows_before = self._between(rows_before, wanted[solved])
                 continue
@@ -192,7 +192,7 @@ class Family:
         if target - begin < _NEXT_TO_A_NODE:
             raise NoSuchCycleError(self._lost(target))
         group = self._solved(
-            begin + (target - begin) * numpy.arange(1, _GROUP + 1) / (2 * _GROUP), rows
+            begin + (target - begin) * numpy.arange(1, _GROUP_SIZE + 1) / (2 * _GROUP_SIZE), rows
         )
         if not len(group):
             raise NoSuchCycleError(self._lost(target))
@@ -210,7 +210,7 @@ class Family:
         with numpy.errstate(invalid="ignore"):
             solved = Solved(*self._solve(x, guess[0] * x, guess[1], guess[2]))
             values = numpy.stack((solved.second / x, solved.flight, solved.omega))
-            jumped = (numpy.abs(values - guess) > _JUMPED * numpy.abs(guess)).any(axis=0)
+            jumped = (numpy.abs(values - guess) > _MAX_JUMP * numpy.abs(guess)).any(axis=0)
             ratio_slope = (solved.second_slope - values[0]) / x
         slopes = numpy.stack((ratio_slope, solved.flight_slope, solved.omega_slope)) * rate
         new = numpy.concatenate((s[None], values, slopes)).T
@@ -222,7 +222,7 @@ class Family:
 
         Polynomials through the last rows give them.
         """
-        last = rows[-_GROUP:]
+        last = rows[-_GROUP_SIZE:]
         offset, size = last[:, 0] - s[0], last[-1, 0] - last[0, 0] + s[0] - last[-1, 0]
         size = size or 1.0
         degree = min(_DEGREE, 2 * len(last) - 1)
@@ -325,7 +325,7 @@ class Family:
             inside = numpy.isfinite(s)
             root, wanted = s[inside], omegas[inside]
             # Next to a fold each of the first steps only halves the error
-            for _ in range(_MOST_STEPS):
+            for _ in range(_MAX_STEPS):
                 before, (_, _, omega, slope) = root, self.at(root)
                 with numpy.errstate(divide="ignore", invalid="ignore"):
                     root = numpy.clip(
@@ -375,7 +375,7 @@ def _uncontinued(new: Array, rows: Array) -> Any:
     off = numpy.abs(change - step * (slopes[1:] + slopes[:-1]) / 2)
     size = numpy.abs(change) + step * numpy.maximum(numpy.abs(slopes[1:]), numpy.abs(slopes[:-1]))
     with numpy.errstate(invalid="ignore"):
-        broken = (off > _UNCONTINUED * size + 1e-9 * numpy.abs(chain[1:, 1:4])).sum(axis=1) >= 2
+        broken = (off > _MAX_MISFIT * size + 1e-9 * numpy.abs(chain[1:, 1:4])).sum(axis=1) >= 2
     return numpy.logical_or.accumulate(broken)
 
 

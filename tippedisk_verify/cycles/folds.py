@@ -57,12 +57,12 @@ __all__ = [
 
 # The step of the differences, for unknowns of order one. Rounding and the third derivatives then
 # err alike, by some 1e-9.
-_DIFFERENCE = 1e-5
-_ASTRAY = 0.01  # the largest relative distance of a fold from its start
-_WIDE = bits(192)  # the arithmetic of the second attempt
+_DIFFERENCE_STEP = 1e-5
+_MAX_MOVE = 0.01  # the largest relative distance of a fold from its start
+_SECOND_PRECISION = bits(192)  # the arithmetic of the second attempt
 # The amplitude [rad] below which the law of fourth order is a better start than doubles are.
 _SMALL_FOLD = 0.1
-_GUARD = 12  # digits that two nearly parallel conditions and the flight cost
+_GUARD_DIGITS = 12  # digits that two nearly parallel conditions and the flight cost
 
 
 @dataclass(frozen=True, repr=False)
@@ -185,8 +185,8 @@ def libration_folds(
         # A start on polynomials through twenty nodes is right to some digits. A fold far from it is
         # another one.
         if (
-            abs(float(fold.gamma_bar_0) - a) > _ASTRAY * a
-            or abs(float(fold.omega) - omega) > _ASTRAY * omega
+            abs(float(fold.gamma_bar_0) - a) > _MAX_MOVE * a
+            or abs(float(fold.omega) - omega) > _MAX_MOVE * omega
         ):
             raise AccuracyError(
                 f"the fold near {omega:.8g} rad/s was not found again in a finer arithmetic"
@@ -260,7 +260,7 @@ def fold_to_digits(
     Raises:
         AccuracyError: If the fold is not found, or the digits are not reached.
     """
-    fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD)))
+    fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD_DIGITS)))
     for name in ("omega", "period", *kind.section.names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
@@ -282,7 +282,10 @@ def _fold_in(
 
     Raises AccuracyError if it is not found.
     """
-    for arithmetic in (DOUBLE, _WIDE):  # the second serves if the conditions nearly coincide
+    for arithmetic in (
+        DOUBLE,
+        _SECOND_PRECISION,
+    ):  # the second serves if the conditions nearly coincide
         try:
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
@@ -290,7 +293,7 @@ def _fold_in(
                 kind.section, parameters, start, jacobian, engine, companion(precision)
             )
         except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
-            if arithmetic is _WIDE:
+            if arithmetic is _SECOND_PRECISION:
                 raise
         else:
             break
@@ -361,7 +364,7 @@ def fold_near(
         [precision.number(float(x)) for x in at],
         _mapped(section, parameters, engine, precision),
     )
-    share = _DIFFERENCE if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
+    share = _DIFFERENCE_STEP if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
         # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss
         # it.

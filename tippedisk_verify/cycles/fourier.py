@@ -38,13 +38,15 @@ from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
 
-__all__ = ["MOST_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
+__all__ = ["MAX_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
 
-MOST_SAMPLES = 2048  #: the largest number of samples of a collocation
+MAX_SAMPLES = 2048  #: the largest number of samples of a collocation
 
-_SPARE = 20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
+_EXTRA_BITS = (
+    20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
+)
 _COMPLEX_STEP = 1e-40  # rad/s; a complex step this small differentiates without cancellation
-_FEWEST_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harmonics
+_MIN_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harmonics
 
 
 def _on_arrays(ctx: Any) -> SimpleNamespace:
@@ -126,7 +128,7 @@ class Collocation:
         """
         if self.ctx is None:
             return rows @ samples
-        places = self.ctx.prec + _SPARE
+        places = self.ctx.prec + _EXTRA_BITS
         whole = numpy.array(
             [int(self.ctx.ldexp(sample, places)) for sample in samples], dtype=object
         )
@@ -229,7 +231,7 @@ def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]
         (2 s / n) sum over k of sin(pi k (j - l) / n) / k,
 
     with k below n, odd for half a period and even for a whole one. Above double the matrices are
-    whole numbers, in units of 2^-(precision + _SPARE).
+    whole numbers, in units of 2^-(precision + _EXTRA_BITS).
     """
     ctx = None if precision is None else bits(precision).context
     pi, sin, zero = (math.pi, math.sin, 0.0) if ctx is None else (ctx.pi, ctx.sin, ctx.zero)
@@ -246,7 +248,7 @@ def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]
 
     def spread(entries: list[Any]) -> Any:
         if ctx is not None:
-            entries = [int(ctx.ldexp(entry, ctx.prec + _SPARE)) for entry in entries]
+            entries = [int(ctx.ldexp(entry, ctx.prec + _EXTRA_BITS)) for entry in entries]
         odd = [-entry for entry in entries[:0:-1]] + entries
         return numpy.array(odd, dtype=float if ctx is None else object)[distance]
 
@@ -304,4 +306,4 @@ def samples_for(kind: Kind, point: Any, digits: int) -> int:
     # A librating cycle's state at the section converges after its period
     spare = 3 if kind is Kind.ROTATING else 9
     harmonics = (digits + spare) / max(falls, 1e-3)
-    return min(MOST_SAMPLES, kind.samples(max(_FEWEST_SAMPLES, 2 * harmonics)))
+    return min(MAX_SAMPLES, kind.samples(max(_MIN_SAMPLES, 2 * harmonics)))

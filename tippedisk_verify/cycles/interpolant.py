@@ -39,16 +39,16 @@ __all__ = ["FamilyInterpolant"]
 
 # The error of the first coordinate, relative to its distance from a fold, from which on the error
 # is no longer linear.
-_FLAT = 0.05
+_NONLINEAR_ERROR = 0.05
 #: The twins of a node. With the node itself they give nine values on each of three neighbouring
 #: nodes.
-TWINS = 8
+NODE_TWINS = 8
 #: The half-width in units of the largest of three spreads of nine values. For normal errors an
 #: error beyond it has a probability of 2e-8, and one beyond half of it 2e-4: a branch has thousands
 #: of numbers. The half-width is 13 times the error in the median. Five twins with a factor of 3.5
 #: have the same risk, but half-widths a quarter wider that scatter more.
-TWIN_FACTOR = 2.5
-_EVERY = 4  # the spacing, in nodes, of those where rounding is measured
+NODE_TWIN_FACTOR = 2.5
+_ROUNDING_SPACING = 4  # the spacing, in nodes, of those where rounding is measured
 #: The share of the constants that a twin moves up; as many move down. Each then errs by half a
 #: place, as by rounding.
 _SHARE_MOVED = 1 / 8
@@ -57,11 +57,11 @@ _SHARE_MOVED = 1 / 8
 _START_SHIFT = 1e-5
 #: A factor for the error of the derivative with respect to the start. The start's effect is linear
 #: but for parts of 1e-5.
-_SLOPE = 2
+_START_SLOPE_FACTOR = 2
 # The order of the pole at a fold of a derivative with respect to Omega: an error of Omega counts as
 # 1 / (dOmega/dx)^3.
-_POLE = 3
-_UNIT = 2.0**-53  # the unit round-off of a double
+_POLE_ORDER = 3
+_UNIT_ROUNDOFF = 2.0**-53  # the unit round-off of a double
 
 
 class FamilyInterpolant:
@@ -148,7 +148,9 @@ class FamilyInterpolant:
 
         ``widths`` are arrays (n,) by name; the trivial multiplier's is added.
         """
-        widths["trivial_multiplier_defect"] = 2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT
+        widths["trivial_multiplier_defect"] = (
+            2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT_ROUNDOFF
+        )
         columns = [(name, cycles[name].tolist(), width.tolist()) for name, width in widths.items()]
         for index, (omega, residual) in enumerate(
             zip(cycles["omega"], cycles["residual"], strict=True)
@@ -200,12 +202,12 @@ class FamilyInterpolant:
         for name in self._measured:
             pole = self._pole(name, cycles)
             spread = numpy.interp(s, nodes, spreads[name]) / pole
-            widths[name] = TWIN_FACTOR * spread + 2 * _UNIT * numpy.abs(cycles[name])
+            widths[name] = NODE_TWIN_FACTOR * spread + 2 * _UNIT_ROUNDOFF * numpy.abs(cycles[name])
             for slope, step in zip(slopes.get(name, ()), last, strict=False):
-                widths[name] += _SLOPE * numpy.interp(s, nodes, slope) / pole * step
+                widths[name] += _START_SLOPE_FACTOR * numpy.interp(s, nodes, slope) / pole * step
         for name in ("log_multiplier_slow", "log_multiplier_fast"):
-            widths[name] += 4 * _UNIT  # of the multiplier, relative
-        lost = widths[self._section.names[0]] > _FLAT * self.family.to_fold(s)
+            widths[name] += 4 * _UNIT_ROUNDOFF  # of the multiplier, relative
+        lost = widths[self._section.names[0]] > _NONLINEAR_ERROR * self.family.to_fold(s)
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
     def _pole(self, name: str, cycles: BatchCycles) -> Any:
@@ -214,7 +216,7 @@ class FamilyInterpolant:
 
         They vanish at a fold, where the spread has a pole.
         """
-        return cycles.slope ** (_POLE if name in self._by_omega else 1)
+        return cycles.slope ** (_POLE_ORDER if name in self._by_omega else 1)
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
@@ -224,17 +226,17 @@ class FamilyInterpolant:
         The spreads and changes are multiplied by the factors of `_pole`.
         """
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
-        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_EVERY), 0)[::-1]
+        every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_ROUNDING_SPACING), 0)[::-1]
         nodes = self.nodes.only(every)
         omegas, start = nodes["omega"], nodes.guess
         poles = {name: self._pole(name, nodes) for name in self._measured}
         values = {name: [nodes[name]] for name in self._measured}
         random, guess = numpy.random.default_rng(1), start
-        for _ in range(TWINS):
+        for _ in range(NODE_TWINS):
             turns = random.random((len(every), len(self._constants)))
             moves = (turns < _SHARE_MOVED).astype(float) - (turns >= 1 - _SHARE_MOVED)
             twins = self._shot(
-                omegas, guess, self._constants * (1 + moves * 2 * _UNIT), tolerance=1e-5
+                omegas, guess, self._constants * (1 + moves * 2 * _UNIT_ROUNDOFF), tolerance=1e-5
             )
             guess = twins.guess
             for name, of_twins in values.items():

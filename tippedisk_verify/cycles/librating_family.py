@@ -25,10 +25,10 @@ __all__ = ["LibratingFamily"]
 
 _NODES = 20  # nodes of a panel, with which the polynomials err by rounding only
 # The distance [rad/s] from its limit to which Omega is followed. Closer, doubles hold no cycles.
-_CLOSEST = 1e-5
+_MIN_DISTANCE = 1e-5
 # Bounds of the rate at which the slope of Omega falls towards a connection. It is nearly 2 to 4.
 _SLOWEST, _FASTEST = 1.5, 6.0
-_MOST_PANELS = 10  # panels, after which the amplitude is within 1e-5 of pi
+_MAX_PANELS = 10  # panels, after which the amplitude is within 1e-5 of pi
 
 
 class LibratingFamily(Family):
@@ -52,7 +52,7 @@ class LibratingFamily(Family):
         parameters: Parameters,
         engine: Engine,
         solve: Solver | None = None,
-        closest: float = _CLOSEST,
+        closest: float = _MIN_DISTANCE,
     ) -> None:
         self.omega_crit = float(omega_crit(parameters))
         frequency = math.sqrt(critical_frequency_squared(parameters))
@@ -67,7 +67,7 @@ class LibratingFamily(Family):
         )
         solve = solve or one_at_a_time(LIBRATING, parameters, engine)
         super().__init__(parameters, engine, solve, _NODES, 0.0, math.pi, begin)
-        while not len(self._panels) or (self._left > closest and len(self._panels) < _MOST_PANELS):
+        while not len(self._panels) or (self._left > closest and len(self._panels) < _MAX_PANELS):
             self.extend()
         if not self._left < math.inf:
             raise NoSuchCycleError(self._lost(self.nodes[-1, 0]))

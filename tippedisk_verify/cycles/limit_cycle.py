@@ -38,7 +38,7 @@ __all__ = ["Cycle", "LimitCycle", "MissingCycle", "RotatingCycle"]
 # The bits needed below 1 to separate the orbit from the saddle's manifolds. With this number and
 # more a start rounded to double loses them.
 _NEXT_TO_A_SADDLE = 20
-_MOST_POINTS = 10_000_000  # the largest number of points of an orbit
+_MAX_POINTS = 10_000_000  # the largest number of points of an orbit
 
 
 @dataclass(frozen=True, repr=False)
@@ -162,8 +162,8 @@ class Cycle(Printable):
             InputError: If ``count`` is not such a number, or the engine has no continuous output.
             ArithmeticError: If the engine gives up.
         """
-        if whole(count, 2, _MOST_POINTS) is None:
-            raise InputError(f"an orbit has 2 to {_MOST_POINTS} points, not {shown(count)}")
+        if whole(count, 2, _MAX_POINTS) is None:
+            raise InputError(f"an orbit has 2 to {_MAX_POINTS} points, not {shown(count)}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
         if self.symmetric:

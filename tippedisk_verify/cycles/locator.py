@@ -20,13 +20,13 @@ from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, w
 from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.near_connection import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.passage_cycles import FIRST_DIGITS, cycle_by_passages
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import NEWBORN, shoot
+from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -40,15 +40,15 @@ C = TypeVar("C", bound=Cycle)
 
 # The distance [rad/s] from Omega_h within which its law leads to cycles of a family that was not
 # followed.
-_UNFOLLOWED = Fraction(1, 100)
+_LAW_DISTANCE = Fraction(1, 100)
 _ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
 # The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
 # half a minute.
-_MOST_NEWBORN_ZEROS = 100
+_MAX_NEWBORN_ZEROS = 100
 # The reach of the law from the Hopf point, in distances of the first node, where the family's own
 # doubles begin.
-_LAW_REACH = 2
-_MOST_DISKS = 16  # disks in the cache
+_AMPLITUDE_LAW_REACH = 2
+_MAX_DISKS = 16  # disks in the cache
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class Locator:
         location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
         if self.lost:
             with suppress(NoConnectionError, AccuracyError):
-                if abs(omega - self.omega_h) < _UNFOLLOWED:
+                if abs(omega - self.omega_h) < _LAW_DISTANCE:
                     return self._next_to_omega_h(location, 0, above=self.attracts)
             return location
         family = self.family
@@ -288,13 +288,13 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
     Raises AccuracyError if the speed is closer to the Hopf point than cycles are offered.
     """
     away = Fraction(family.omega_crit - float(family.nodes[0, 3]))
-    if not 0 < below_crit / away < _LAW_REACH:
+    if not 0 < below_crit / away < _AMPLITUDE_LAW_REACH:
         return []
     distance = abs(below_crit)
     zeros = max(0, -decimal_magnitude(distance))
-    if zeros > _MOST_NEWBORN_ZEROS:
+    if zeros > _MAX_NEWBORN_ZEROS:
         raise AccuracyError(
-            f"limit cycles are offered down to 1e-{_MOST_NEWBORN_ZEROS} rad/s from Omega_crit: ask "
+            f"limit cycles are offered down to 1e-{_MAX_NEWBORN_ZEROS} rad/s from Omega_crit: ask "
             f"for one farther away"
         )
     return [replace(family.newborn(float(distance)), zeros=zeros if distance < NEWBORN else 0)]
@@ -359,7 +359,7 @@ def locator(parameters: Parameters, engine: Engine) -> Locator:
     """
     key, locators = (type(parameters), parameters, engine.name), _LOCATORS.locators
     if key not in locators:
-        if len(locators) >= _MOST_DISKS:
+        if len(locators) >= _MAX_DISKS:
             del locators[next(iter(locators))]
         locators[key] = Locator(parameters, engine)
     return locators[key]

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.return_map import Held, Image, ReturnMap
+from tippedisk_verify.cycles.return_map import FixedQuantity, Image, ReturnMap
 from tippedisk_verify.errors import NoSuchCycleError
 
 __all__ = ["FixedPoint", "Stop", "newton", "section_size"]
@@ -22,11 +22,11 @@ C = TypeVar("C", bound=Cycle)
 
 # The least share of a Newton step. A damped iteration that would need less finds no smaller
 # residual.
-_LEAST_SHARE = 1e-3
+_MIN_SHARE = 1e-3
 # The size of a residual, relative to the start's, below which rounding may keep it from shrinking.
-_ROUNDING = 1e-10
+_ROUNDING_RESIDUAL = 1e-10
 # The size of a point, relative to the start's, below which it is on its way to the equilibrium.
-_EQUILIBRIUM = 0.2
+_EQUILIBRIUM_SIZE = 0.2
 
 
 class Stop:
@@ -99,7 +99,7 @@ def newton(
     stop: Stop,
     size: Callable[[Iterate[C]], Any],
     *,
-    held: Held = "speed",
+    held: FixedQuantity = "speed",
     time: Any = None,
     chord: Image | None = None,
     damped: bool = False,
@@ -162,7 +162,7 @@ def _damped(
     iteration falls onto the equilibrium.
     """
     before, share = section_size(iterate.image.residual), 1.0
-    while share >= _LEAST_SHARE:
+    while share >= _MIN_SHARE:
         point = (
             iterate.point[0] + share * iterate.step[0],
             iterate.point[1] + share * iterate.step[1],
@@ -171,13 +171,13 @@ def _damped(
             raise NoSuchCycleError(
                 "the shooting iteration left the finite numbers: start closer to the cycle"
             )
-        if section_size(point) < _EQUILIBRIUM * scale:
+        if section_size(point) < _EQUILIBRIUM_SIZE * scale:
             raise NoSuchCycleError(
                 "the shooting iteration falls onto the equilibrium: start closer to the cycle"
             )
         with suppress(NoSuchCycleError):
             ahead = at(iterate.return_map, point)
-            if section_size(ahead.image.residual) < before or before < _ROUNDING * scale:
+            if section_size(ahead.image.residual) < before or before < _ROUNDING_RESIDUAL * scale:
                 return ahead
         share /= 2
     raise NoSuchCycleError(

@@ -2,7 +2,7 @@
 
 The maps are in `passages`. The numbers of a cycle are computed with one choice of sections, series
 and flights in 64 bits, and with others that round some four times as much. If the digits are not
-reached, or the maps do not exist, `near_connection` follows the flow itself.
+reached, or the maps do not exist, `whole_flight_cycles` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero
+from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.passages import (
@@ -47,7 +47,7 @@ _CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.01
 #: Choices with a larger truncation error. Their flights lie closer together, so that rounding
 #: weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
 #: which matter most.
-_OTHERS = tuple(
+_COARSER_CHOICES = tuple(
     Choice(
         order=17,
         bands=4,
@@ -64,15 +64,15 @@ _OTHERS = tuple(
 )
 #: The half-width in units of the largest distance to the others. An error beyond it has a
 #: probability of some 1e-6 for normal errors, if those of the others are four times as large.
-_DISTANCES = 8
+_CHOICE_FACTOR = 8
 _ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
-_LARGEST_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
+_MAX_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
 # An imaginary part, relative to the distance; its square is far below rounding
 _IMAGINARY = 2.0**-100
 # 1 / the grid [rad/s] of the maps' origin, so that it does not depend on further digits of Omega_h.
-_CUT = 2**72
-_KEPT = 64  # disks in the cache
-_MOST_DIGITS = 15  # digits that 64 bits give with some certainty
+_ORIGIN_GRID = 2**72
+_CACHED_DISKS = 64  # disks in the cache
+_MAX_DIGITS = 15  # digits that 64 bits give with some certainty
 _PI_BITS = 96  # bits of pi beyond those of the half-width
 #: The digits of Omega_h for the first attempt, and the steps by which they grow.
 FIRST_DIGITS, _MORE_DIGITS = 27, 10
@@ -107,14 +107,14 @@ def cycle_by_passages(
         reached, the machine has no numbers of 64 bits, the saddle value is not negative, or a
         series or an iteration fails.
     """
-    if digits > _MOST_DIGITS or not engine.measures_error:
+    if digits > _MAX_DIGITS or not engine.measures_error:
         return None
     try:
         zero = _omega_h(parameters, place, engine, from_omega_h)
         distance = place if from_omega_h else place - zero.value
         if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
-        origin = Fraction(round(zero.value * _CUT), _CUT)
+        origin = Fraction(round(zero.value * _ORIGIN_GRID), _ORIGIN_GRID)
         first, *others = (
             _numbers(section, flights, distance) for flights in _maps(parameters, origin, engine)
         )
@@ -158,7 +158,7 @@ def _omega_h(
 ) -> Measured:
     """Return Omega_h [rad/s] to the digits that the distance needs.
 
-    Raises AccuracyError if that takes more than `MOST_DIGITS` digits.
+    Raises AccuracyError if that takes more than `MAX_DIGITS` digits.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
@@ -170,7 +170,7 @@ def _omega_h(
         # A speed may be Omega_h itself to many digits.
         resolved = abs(distance) > zero.uncertainty
         wanted = max(wanted + _MORE_DIGITS, _digits_for(distance)) if resolved else 2 * wanted
-        if wanted > MOST_DIGITS:
+        if wanted > MAX_DIGITS:
             raise AccuracyError(
                 "the distance from Omega_h needs more digits than Omega_h is offered to"
             )
@@ -204,10 +204,10 @@ def _measured(
     measured = {}
     for name, number in numbers.items():
         apart = max(abs(number - row[name]) for row in others)
-        width = fraction(_DISTANCES * apart + _ULPS * abs(number))
+        width = fraction(_CHOICE_FACTOR * apart + _ULPS * abs(number))
         # A logarithm of the distance changes by more than itself where it is small.
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
-        measured[name] = Measured(fraction(number), width + _LARGEST_POWER * fraction(size) * share)
+        measured[name] = Measured(fraction(number), width + _MAX_POWER * fraction(size) * share)
     return measured
 
 
@@ -261,7 +261,7 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
             "the law of the period with its corrections needs a negative saddle value and 64 bits"
         )
     rows = []
-    for flights in _maps(parameters, Fraction(round(zero * _CUT), _CUT), engine):
+    for flights in _maps(parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine):
         unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
         (by_omega, by_sigma), s = flights.slopes
         nu, scale = -slow / unstable, flights.u_1 / -by_omega
@@ -287,9 +287,11 @@ def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
     return extended and saddle_value_sign(parameters, omega_h) < 0
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_DISKS)
 def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[GlobalMap, ...]:
-    return tuple(GlobalMap(parameters, omega_h, engine, choice) for choice in (_CHOICE, *_OTHERS))
+    return tuple(
+        GlobalMap(parameters, omega_h, engine, choice) for choice in (_CHOICE, *_COARSER_CHOICES)
+    )
 
 
 @undisturbed
@@ -307,8 +309,8 @@ def monodromy_by_passages(
         _period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine())
     )
     apart = numpy.max([abs(first - other) for other in others], axis=0)
-    share = _ULPS + _LARGEST_POWER / 10**_DISTANCE_DIGITS
-    return first, (_DISTANCES * apart + share * abs(first)).astype(float)
+    share = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
+    return first, (_CHOICE_FACTOR * apart + share * abs(first)).astype(float)
 
 
 def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:

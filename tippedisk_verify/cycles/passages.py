@@ -44,19 +44,21 @@ from tippedisk_verify.theory.saddle_chart import (
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 #: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
-_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
+_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 
 # The starts of flights off the unstable manifold, in units of the largest sigma.
-_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
+_START_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
 _OFF_MANIFOLD_SPEEDS = (-1.0, 0.0, 1.0)  # the speeds of those flights, in units of their reach
-_LONGEST = 30.0  # s, the longest flight
-_FAST = 2.0**-22  # the largest fast coordinate at which the flight may end
-_PROBE = 1e-5  # the step of the splitting's derivative, relative to Omega_h
-_PLACES = 2**30  # 1 / the grid [rad/s] of the flights' speeds, so that 64 bits hold these exactly
-_MOST_STEPS = 30
+_MAX_FLIGHT = 30.0  # s, the longest flight
+_MAX_FAST = 2.0**-22  # the largest fast coordinate at which the flight may end
+_SPLITTING_STEP = 1e-5  # the step of the splitting's derivative, relative to Omega_h
+_SPEED_GRID = (
+    2**30
+)  # 1 / the grid [rad/s] of the flights' speeds, so that 64 bits hold these exactly
+_MAX_STEPS = 30
 _SETTLED = 2.0**-60  # the last relative step of sigma, and of times next to a saddle
 _IMAGINARY = 2.0**-100  # a relative imaginary part; its square is far below rounding
-_NEAR = 2.0**-40  # a relative step below which only rounding keeps it from shrinking
+_ROUNDING_STEP = 2.0**-40  # a relative step below which only rounding keeps it from shrinking
 _DECAYED = 2.0**-60  # the largest fast coordinate at the end of a passage, in units of u_1
 
 
@@ -133,7 +135,7 @@ class GlobalMap:
         self.duration = self._duration(
             chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
         )
-        probe = _short(float(omega_h) * _PROBE)
+        probe = _short(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
         reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
         # 64 bits hold the flights' speeds exactly: short distances from a double.
@@ -170,7 +172,7 @@ class GlobalMap:
         It is rounded to a hundredth of a second. Raises AccuracyError if the flight never comes
         near that saddle.
         """
-        times = numpy.arange(0, _LONGEST, 0.01)
+        times = numpy.arange(0, _MAX_FLIGHT, 0.01)
         request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
         samples = self._engine(request).samples
         second = numpy.array([0.0, math.pi, 0.0])
@@ -185,7 +187,7 @@ class GlobalMap:
             EXTENDED.array(samples[first] - second)
         )
         # The charts have no third powers of the fast coordinate.
-        longer = math.log(max(1.0, abs(float(point[2])) / _FAST)) / -float(chart.eigenvalues[2])
+        longer = math.log(max(1.0, abs(float(point[2])) / _MAX_FAST)) / -float(chart.eigenvalues[2])
         return Fraction(first + math.ceil(100 * longer), 100)
 
     def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
@@ -202,7 +204,7 @@ class GlobalMap:
             duration=self.duration,
             precision=EXTENDED,
             divergence=True,
-            events=(EXTREME, _TOP),
+            events=(EXTREME, _GAMMA_TOP),
             rounding=self.choice.rounding,
         )
         flight = self._engine(request)
@@ -211,7 +213,7 @@ class GlobalMap:
         beta, gamma, v = flight.state
         point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
-        top = next(event.state for event in flight.events if event.name == _TOP.name)
+        top = next(event.state for event in flight.events if event.name == _GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
     def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:
@@ -225,16 +227,18 @@ class GlobalMap:
         count, reach = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.choice.sigma
         places = [(distance, 0.0) for distance in distances]
-        places += [(distance, largest * x) for distance in off_manifold for x in _SIGMAS]
+        places += [(distance, largest * x) for distance in off_manifold for x in _START_SIGMAS]
         powers = [(k, 0) for k in range(count)]
-        powers += [(k, n) for k in range(len(off_manifold)) for n in range(1, len(_SIGMAS) + 1)]
+        powers += [
+            (k, n) for k in range(len(off_manifold)) for n in range(1, len(_START_SIGMAS) + 1)
+        ]
         scaled = [
             (EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest)
             for distance, sigma in places
         ]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
-        coefficients = numpy.zeros((count, len(_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
+        coefficients = numpy.zeros((count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
         for (k, n), row in zip(powers, solved(matrix, values), strict=True):
             coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
         coefficients[0, 0, 0] = 0
@@ -301,13 +305,15 @@ class HalfMap:
         """
         sigma, sizes = self._omega * 0, list[float]()
         imaginary = abs(self._distance) * _IMAGINARY
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             image = self(sigma + 1j * imaginary).sigma
             slope = image.imag / imaginary
             step = (image.real - sigma) / (1 - slope)
             sigma = sigma + step
             sizes.append(float(abs(step / sigma)))
-            if not sizes[-1] > _SETTLED or (len(sizes) > 2 and sizes[-2] / 2 < sizes[-1] < _NEAR):
+            if not sizes[-1] > _SETTLED or (
+                len(sizes) > 2 and sizes[-2] / 2 < sizes[-1] < _ROUNDING_STEP
+            ):
                 return sigma, slope, sizes
         raise ArithmeticError("the iteration for sigma does not settle")
 
@@ -408,7 +414,7 @@ def _until(
     if not ratio.real > 0:
         raise ArithmeticError("the passage does not meet its section")
     time = numpy.log(ratio) / growth
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         point = chart.flow(start, time)
         step = function(chart.at(point)) / (row @ (chart.eigenvalues * point))
         time = time - step
@@ -443,4 +449,4 @@ def _nodes(count: int) -> Any:
 
 
 def _short(distance: float) -> Fraction:
-    return Fraction(round(distance * _PLACES), _PLACES)
+    return Fraction(round(distance * _SPEED_GRID), _SPEED_GRID)

@@ -47,12 +47,12 @@ __all__ = [
     "resolving",
 ]
 
-_MOST_STEPS = 15
-_FIRST_STEP, _SHORTEST_STEP = 0.02, 5e-4  # s
-_FOLLOWED = 1e-3  # rad/s; the distance from Omega_h down to which folds are sought
-_LEAST_IN_DOUBLE = 1e-8  # rad/s; closer to Omega_h double has few digits of the slopes
-_LONGEST = 30.0  # s, the longest period in double
-_MOST_CYCLES = 60
+_MAX_STEPS = 15
+_FIRST_STEP, _MIN_STEP = 0.02, 5e-4  # s
+_FOLD_DISTANCE = 1e-3  # rad/s; the distance from Omega_h down to which folds are sought
+_MIN_IN_DOUBLE = 1e-8  # rad/s; closer to Omega_h double has few digits of the slopes
+_MAX_PERIOD = 30.0  # s, the longest period in double
+_MAX_CYCLES = 60
 
 
 @dataclass(frozen=True)
@@ -108,9 +108,9 @@ def cycle_at_half_period(
     # By quadratic convergence the cycle is then right to twice as many digits, and its slopes to as
     # many.
     stop = Stop(
-        _MOST_STEPS,
+        _MAX_STEPS,
         NoSuchCycleError(
-            f"the iteration at fixed period has not converged after {_MOST_STEPS} steps"
+            f"the iteration at fixed period has not converged after {_MAX_STEPS} steps"
         ),
         small=1e-7 if precision == DOUBLE else 1e-10,
         near=1e-3,
@@ -140,7 +140,7 @@ def lengthened(
     """
     point, before, step = first, first, _FIRST_STEP
     while 2 * point.half_period < longest:
-        if step < _SHORTEST_STEP:
+        if step < _MIN_STEP:
             period = f"{2 * point.half_period:.4g} s"
             raise NoSuchCycleError(
                 f"at the period {period} rounding swamps the family: compute in more bits"
@@ -257,7 +257,7 @@ class PeriodContinuation:
 
     def __init__(self, parameters: Parameters, engine: Engine) -> None:
         self.parameters, self.engine = parameters, engine
-        family = LibratingFamily(parameters, engine, closest=_FOLLOWED)
+        family = LibratingFamily(parameters, engine, closest=_FOLD_DISTANCE)
         refuse_focus(parameters, Fraction(family.limit))
         place = family.place(float(family.nodes[-1, 0]))
         growth = float(
@@ -266,9 +266,9 @@ class PeriodContinuation:
         points = [
             cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)
         ]
-        for point in lengthened(parameters, points[0], engine, longest=_LONGEST):
+        for point in lengthened(parameters, points[0], engine, longest=_MAX_PERIOD):
             points.append(point)
-            if len(points) > 3 and abs(point.slopes[2]) < growth * _LEAST_IN_DOUBLE:
+            if len(points) > 3 and abs(point.slopes[2]) < growth * _MIN_IN_DOUBLE:
                 break
         self.points = points
         before, self.asymptotics = (
@@ -342,7 +342,7 @@ class PeriodContinuation:
         self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
         self.change = abs(self.asymptotics.omega_h - omega_h)
         self.points.append(point)
-        if len(self.points) > _MOST_CYCLES:
+        if len(self.points) > _MAX_CYCLES:
             raise AccuracyError(
                 f"the limit of the limit cycles still moves by {float(self.change):.1e} rad/s"
             )

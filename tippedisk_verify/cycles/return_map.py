@@ -26,14 +26,14 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["Held", "Image", "ReturnMap"]
+__all__ = ["FixedQuantity", "Image", "ReturnMap"]
 
 C = TypeVar("C", bound=Cycle)
 
 #: What a Newton step holds: the speed, the first coordinate on the section or the flight time.
-Held = Literal["speed", "coordinate", "time"]
+FixedQuantity = Literal["speed", "coordinate", "time"]
 
-_LONGEST_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
+_MAX_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 # The order of the power series of a saddle's branch. Flights start 2^(-bits / 6) from the saddle.
 _BRANCH_ORDER = 7
 _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a turn apart
@@ -52,7 +52,7 @@ class Image(NamedTuple):
     time_by_omega: Any
     flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
-    def newton_step(self, held: Held = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
+    def newton_step(self, held: FixedQuantity = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
         """Return the step of both coordinates and Omega after which the map returns to the start.
 
         The step is exact to first order.
@@ -77,7 +77,7 @@ class Image(NamedTuple):
         x, y, omega = ((lacking * r - a * p - b * q) / determinant for p, q, r in columns)
         return x, y, omega
 
-    def slopes(self, held: Held) -> tuple[Any, Any, Any, Any]:
+    def slopes(self, held: FixedQuantity) -> tuple[Any, Any, Any, Any]:
         """Return derivatives along the family, with respect to the quantity held.
 
         They are those of the family of cycles if the start is a fixed point.
@@ -100,7 +100,7 @@ class Image(NamedTuple):
         (a, b), (c, d) = self.matrix
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
-    def _held_row(self, held: Held) -> tuple[Any, Any, Any]:
+    def _held_row(self, held: FixedQuantity) -> tuple[Any, Any, Any]:
         """Return the derivatives of the held quantity with respect to both coordinates and Omega."""
         if held == "time":
             return (*self.time_by_state, self.time_by_omega)
@@ -280,7 +280,7 @@ class ReturnMap(Generic[C]):
             self.parameters,
             self._omega,
             state,
-            _LONGEST_FLIGHT,
+            _MAX_FLIGHT,
             shifted=True,
             precision=self.precision,
             domain="none",

@@ -26,8 +26,8 @@ __all__ = ["RotatingFamily"]
 _NODES = 20  # nodes of a panel, with which the polynomials err by rounding only
 _GUESSING_NODES = 10  # nodes of a panel whose polynomials only guess: they err by some 1e-8
 # The first speed, relative to Omega_h. Closer, doubles do not hold T to twelve digits.
-_FIRST = 1 - Fraction(12, 10**5)
-_MOST_PANELS = 16  # panels, after which beta_bar_top is within 1e-5 of pi/2
+_FIRST_SPEED = 1 - Fraction(12, 10**5)
+_MAX_PANELS = 16  # panels, after which beta_bar_top is within 1e-5 of pi/2
 
 
 class RotatingFamily(Family):
@@ -51,7 +51,7 @@ class RotatingFamily(Family):
         self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None
     ) -> None:
         self.omega_h = omega_h
-        first, singly = omega_h * _FIRST, one_at_a_time(ROTATING, parameters, engine)
+        first, singly = omega_h * _FIRST_SPEED, one_at_a_time(ROTATING, parameters, engine)
         (lowest, _), (beta, v) = (
             map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_branch())
             for omega in (omega_h, first)
@@ -96,7 +96,7 @@ class RotatingFamily(Family):
         """
         while self.nodes[-1, 6] < 0 or self.nodes[-1, 3] < omega:
             try:
-                if len(self._panels) == _MOST_PANELS:
+                if len(self._panels) == _MAX_PANELS:
                     raise NoSuchCycleError("beta_bar_top has reached pi/2")
                 self.extend()
             except NoSuchCycleError:

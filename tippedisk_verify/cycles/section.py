@@ -37,7 +37,7 @@ __all__ = [
 
 C = TypeVar("C", bound=Cycle)
 
-_LEAST_MULTIPLIER = 2.0**-1022  # the least normal double
+_MIN_MULTIPLIER = 2.0**-1022  # the least normal double
 
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
 RETURNS = Event("returns", SECTION.function, direction=-1)
@@ -156,7 +156,7 @@ class Section(Generic[C]):
         size = choose(discriminant >= 0, real, ops.sqrt(abs(determinant))) ** laps
         slow = size if laps == 2 else choose(trace >= 0, size, -size)
         # A multiplier that rounding has lost still gets a logarithm.
-        log_slow = ops.log(choose(size == 0, _LEAST_MULTIPLIER, size))
+        log_slow = ops.log(choose(size == 0, _MIN_MULTIPLIER, size))
         log_multipliers = laps * flight["divergence"]
         first, second = self.names
         return {

@@ -26,7 +26,7 @@ from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.error_budget import numbers_at, settled
+from tippedisk_verify.cycles.error_budget import iterate_until_rounding, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -49,9 +49,9 @@ _FOUR_FLIGHTS = (Fraction(2, 3), Fraction(-1, 12))
 _TWO_FLIGHTS = (Fraction(1, 2),)
 # Bits by which a step is shorter than the root of the rounding. Higher derivatives matter at about a
 # tenth of the step that the first derivatives suggest.
-_SHORTER = 4
-_FEWEST_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
-_LEAST_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
+_STEP_BITS = 4
+_MIN_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
+_MIN_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
 _RESIDUALS = ("first residual", "second residual")
 
 
@@ -95,9 +95,9 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
     """
     section: Section[Any] = LIBRATING if cycle.symmetric else ROTATING
     magnitude = decimal_magnitude(cycle.period.uncertainty / cycle.period.value)
-    digits = max(_FEWEST_DIGITS, -magnitude / 2)
+    digits = max(_MIN_DIGITS, -magnitude / 2)
     scale = _scale(cycle, section)
-    if scale < _LEAST_SCALE:
+    if scale < _MIN_SCALE:
         raise AccuracyError(
             "the speed is too close to a bifurcation for derivatives of this cycle: use "
             "Disk.sensitivity, which gives those of Omega_crit and Omega_h"
@@ -149,14 +149,14 @@ def _derivatives(
     """Return the derivatives of the cycle's numbers in one arithmetic, by number and parameter."""
     own = ReturnMap(section, cycle.parameters, cycle.omega.value, default_engine(), precision)
     start = tuple(precision.number(getattr(cycle, name).value) for name in section.names)
-    point, _ = settled(own, FixedPoint(own, start, own(start)))
+    point, _ = iterate_until_rounding(own, FixedPoint(own, start, own(start)))
     values = {symbol: getattr(cycle.parameters, symbol) for symbol in SYMBOLS}
     values["omega"] = cycle.omega.value
     steps = {symbol: Fraction(scale) * value for symbol, value in values.items()}
     near_saddle = section.saddle_scale([float(x) for x in point])
     for name, x in zip(section.names, map(fraction, point), strict=True):
         values[name], steps[name] = x, Fraction(min(1.0, abs(float(x)), near_saddle))
-    share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _SHORTER))
+    share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
 
     def numbers(moved: str, shift: Fraction) -> dict[str, Fraction]:
         """Return the numbers and residuals with one coordinate or parameter moved."""

@@ -13,7 +13,7 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import TypeVar
 
-from tippedisk_verify.cycles.error_budget import cycle_in, cycle_to_digits
+from tippedisk_verify.cycles.error_budget import cycle_in_precision, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
 from tippedisk_verify.cycles.newton import FixedPoint, Stop, newton, section_size
 from tippedisk_verify.cycles.return_map import ReturnMap
@@ -26,7 +26,7 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.harmonic_balance import section_start
 
-__all__ = ["NEWBORN", "LimitCycle", "limit_cycle", "shoot", "shoot_from_law"]
+__all__ = ["NEWBORN", "LimitCycle", "limit_cycle", "shoot", "shoot_from_amplitude_law"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -34,12 +34,12 @@ C = TypeVar("C", bound=Cycle)
 #: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
 #: law is nearer to the cycle than shooting.
 NEWBORN = Fraction(1, 10**12)
-_MOST_STEPS = 25
+_MAX_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.
-_LARGEST_LAW_AMPLITUDE = 2.5
+_MAX_LAW_AMPLITUDE = 2.5
 # The largest relative distance of the amplitude from the law's. The law's own error at
-# `_LARGEST_LAW_AMPLITUDE` is a fifth.
+# `_MAX_LAW_AMPLITUDE` is a fifth.
 _NEAR_THE_LAW = 0.4
 
 
@@ -61,11 +61,9 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
         raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
     point = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = section_size(point)
-    failure = NoSuchCycleError(
-        f"the shooting iteration has not converged after {_MOST_STEPS} steps"
-    )
+    failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MAX_STEPS} steps")
     # The round-off of half a period is some hundred ulps of the state.
-    stop = Stop(_MOST_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
+    stop = Stop(_MAX_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     return newton(
         return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True
     )
@@ -102,7 +100,7 @@ def limit_cycle(
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
     digits = checked_digits(digits)
-    fixed_point = None if guess is not None else shoot_from_law(return_map)
+    fixed_point = None if guess is not None else shoot_from_amplitude_law(return_map)
     if fixed_point is None:
         if guess is None:
             from tippedisk_verify.cycles.spectral import approximate_cycle  # loads collocation
@@ -112,11 +110,11 @@ def limit_cycle(
     return (
         cycle_to_digits(fixed_point, digits)
         if precision is None
-        else cycle_in(fixed_point, precision)
+        else cycle_in_precision(fixed_point, precision)
     )
 
 
-def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
+def shoot_from_amplitude_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
     """Solve for the cycle by Newton's iteration from the one-harmonic law.
 
     The law costs nothing and is good where cycles are small.
@@ -129,7 +127,7 @@ def shoot_from_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] 
         not trusted.
     """
     law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
-    if law is not None and law[0] < _LARGEST_LAW_AMPLITUDE:
+    if law is not None and law[0] < _MAX_LAW_AMPLITUDE:
         with suppress(NoSuchCycleError):
             fixed_point = shoot(return_map, law[:2])
             if abs(fixed_point.point[0] / law[0] - 1) < _NEAR_THE_LAW:

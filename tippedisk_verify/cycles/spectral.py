@@ -14,17 +14,17 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MOST_SAMPLES, Collocation, Kind, resampled, samples_for
+from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, Kind, resampled, samples_for
 from tippedisk_verify.cycles.spectral_branch import (
     branch_to,
     first_fold,
     floquet_mode,
-    fold_near,
     fold_residual,
     fold_system,
     newton,
+    not_converged_error,
     rotation_at,
-    unconverged,
+    spectral_fold_near,
 )
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
@@ -45,11 +45,13 @@ __all__ = [
     "spectral_rotation",
 ]
 
-_MOST_HARMONICS = MOST_SAMPLES // 2
-_WORTHLESS = 0.02  # a relative half-width of the period above which there may be no cycle at all
-_GUARD = 15  # guard digits
-_FINER = 6  # extra digits of the finer collocation: more samples alone would add to rounding
-_MOST_PASSES = 60
+_MAX_HARMONICS = MAX_SAMPLES // 2
+_MAX_HALF_WIDTH = (
+    0.02  # a relative half-width of the period above which there may be no cycle at all
+)
+_GUARD_DIGITS = 15  # guard digits
+_FINER_DIGITS = 6  # extra digits of the finer collocation: more samples alone would add to rounding
+_MAX_PASSES = 60
 _SETTLED = 1e-9  # a step after which only rounding in double is left
 
 
@@ -93,9 +95,9 @@ def balanced_cycle(
     """
     parameters.refuse_two_sides("harmonic balance is")
     speed = checked_speed(omega)
-    if harmonics is not None and whole(harmonics, 1, _MOST_HARMONICS) is None:
+    if harmonics is not None and whole(harmonics, 1, _MAX_HARMONICS) is None:
         raise InputError(
-            f"the number of harmonics lies between 1 and {_MOST_HARMONICS}, not {shown(harmonics)}"
+            f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {shown(harmonics)}"
         )
     digits = checked_digits(digits)
     start = branch_to(parameters, speed)
@@ -114,19 +116,19 @@ def balanced_cycle(
     count = 2 * harmonics if harmonics else samples_for(Kind.LIBRATING, start, digits)
     while True:
         result = _at_two_resolutions(parameters, Kind.LIBRATING, count, digits, numbers)
-        if result["period"].uncertainty > Fraction(_WORTHLESS) * result["period"].value:
-            raise unconverged(count)
+        if result["period"].uncertainty > Fraction(_MAX_HALF_WIDTH) * result["period"].value:
+            raise not_converged_error(count)
         worst = max(number.uncertainty / abs(number.value) for number in result.values())
         if harmonics is not None or worst * 10**digits <= 1:
             return BalancedCycle(speed, count // 2, **result)
-        if count >= MOST_SAMPLES:
+        if count >= MAX_SAMPLES:
             raise NoSuchCycleError(
                 f"the balance did not converge with {count // 2} harmonics: this close to Omega_h "
                 f"use shooting"
             )
         # Digits grow in proportion to the harmonics, and a tenth more is for the half-widths.
         more = 1.1 * digits / max(digits / 2, -math.log10(worst))
-        count = min(MOST_SAMPLES, Kind.LIBRATING.samples(more * count))
+        count = min(MAX_SAMPLES, Kind.LIBRATING.samples(more * count))
 
 
 def _largest(a: Collocation, beta: Any, digits: int) -> Any:
@@ -288,7 +290,7 @@ def spectral_fold(
 
     def numbers(a: Collocation) -> dict[str, Any]:
         n, double = a.count, a.double
-        fold = fold_near(double, resampled(kind, start, n))
+        fold = spectral_fold_near(double, resampled(kind, start, n))
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
         largest = int(abs(fold[n + 2 :]).argmax())
@@ -330,8 +332,8 @@ def _at_two_resolutions(
     half-widths are at least the relative distance of the two periods.
     """
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
-    rough = numbers(Collocation(parameters, kind, count, digits + _GUARD))
-    sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD + _FINER))
+    rough = numbers(Collocation(parameters, kind, count, digits + _GUARD_DIGITS))
+    sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD_DIGITS + _FINER_DIGITS))
     least = (
         abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1)
         if kind is Kind.LIBRATING
@@ -349,7 +351,7 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     double, exact = a.double, a.number(speed)
     point = newton(double, resampled(a.kind, start, a.count))
     if point is None:
-        raise unconverged(a.count)
+        raise not_converged_error(a.count)
     unknowns = _chord(
         a, double.matrix(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
     )
@@ -367,7 +369,7 @@ def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], An
 
     factored, unknowns = lu_factor(system), a.number(start)
     smallest = math.inf
-    for _ in range(_MOST_PASSES):
+    for _ in range(_MAX_PASSES):
         right = residual(unknowns)
         scale = max(abs(right))
         if not scale:
@@ -379,4 +381,4 @@ def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], An
         if not size or (size >= smallest / 2 and size < _SETTLED):
             return unknowns
         smallest = min(smallest, size)
-    raise unconverged(a.count)
+    raise not_converged_error(a.count)

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MOST_SAMPLES, Collocation, Kind, resampled, sizes
+from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, Kind, resampled, sizes
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
@@ -24,40 +24,42 @@ __all__ = [
     "branch_to",
     "first_fold",
     "floquet_mode",
-    "fold_near",
     "fold_residual",
     "fold_system",
     "newton",
+    "not_converged_error",
     "rotation_at",
-    "unconverged",
+    "spectral_fold_near",
 ]
 
 _FIRST_SAMPLES = 24
 _FIRST_AMPLITUDE = 0.005  # rad; with it rounding moves the speed by some 1e-11
-_MOST_PASSES = 25
-_LONGEST_STEP = 0.3  # rad
+_MAX_PASSES = 25
+_MAX_STEP = 0.3  # rad
 _SETTLED = 1e-8  # a relative step after which quadratic convergence leaves rounding only
 _STALLED = 1e-5  # a relative step below which only rounding keeps it from shrinking
 # The step of a difference, for a number of order one. The derivative is then good to some 1e-10.
-_DIFFERENCE = 1e-6
-_MOST_STEPS = 120
+_DIFFERENCE_STEP = 1e-6
+_MAX_STEPS = 120
 # The largest last harmonics, relative to the first. They move the speed by 1e-9 of itself at most.
-_SMALL = 1e-6
-_FLAT = 1.5  # rad; the disk lies flat at pi/2
+_MAX_TAIL = 1e-6
+_FLAT_LEAN = 1.5  # rad; the disk lies flat at pi/2
 # Once periods are _LONG times the shortest, each step brings the speed at least ten times as close
 # to Omega_h as before: a speed _FAR steps ahead is beyond the end. From _LONGEST times the shortest
 # on, the last harmonics change the speed as much as the branch does, and it would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
-_REAL = 0.4  # in units of the frequency; the next copies of a Floquet exponent differ by one
+_MAX_IMAGINARY = (
+    0.4  # in units of the frequency; the next copies of a Floquet exponent differ by one
+)
 # Leans [rad] of the starts. The first ones lead to the stable cycle, the last ones to the unstable
 # one.
-_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)
+_START_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)
 # The ratio of the speeds of the second and the first cycle on the way to the rotating cycles' fold.
-_LOWER = 0.999
+_SPEED_RATIO = 0.999
 
 
-def unconverged(samples: int) -> NoSuchCycleError:
+def not_converged_error(samples: int) -> NoSuchCycleError:
     return NoSuchCycleError(
         f"the balance did not converge with {samples // 2} harmonics: try more, or a speed further "
         f"from Omega_h"
@@ -97,14 +99,14 @@ def _solved(
     n = a.count
     amplitude = abs(start[:n]).max()
     unknowns, smallest = start, math.inf
-    for _ in range(_MOST_PASSES):
+    for _ in range(_MAX_PASSES):
         try:
             step = numpy.linalg.solve(matrix(unknowns), residual(unknowns))
         except numpy.linalg.LinAlgError:
             # There are too few samples: even at a fold an oblique plane leaves the matrix regular.
             return None
         longest = abs(step[:n]).max()
-        unknowns = unknowns - min(1.0, _LONGEST_STEP / max(longest, 1e-300)) * step
+        unknowns = unknowns - min(1.0, _MAX_STEP / max(longest, 1e-300)) * step
         beta, others = unknowns[:n], unknowns[n : n + 2]
         size = longest / amplitude + abs(step[n : n + 2] / others).max()
         if a.kind is Kind.ROTATING:  # the disk leans to one side
@@ -120,7 +122,7 @@ def _solved(
 
 
 # -------------------------------------------------------------------------------------------- folds
-def fold_near(a: Collocation, start: Any) -> Any | None:
+def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
     """Solve for a fold near a point.
 
     Args:
@@ -170,12 +172,12 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
         largest: The place of the null vector's entry that is 1.
     """
     n = a.count
-    point, moved = fold[: n + 2], numpy.append(_DIFFERENCE * fold[n + 2 :], 0.0)
+    point, moved = fold[: n + 2], numpy.append(_DIFFERENCE_STEP * fold[n + 2 :], 0.0)
     rows = numpy.zeros((2 * n + 3, 2 * n + 3))
     matrix = a.matrix(point)
     rows[: n + 1, : n + 2] = matrix
     rows[n + 1 : -1, : n + 2] = (a.matrix(point + moved) - a.matrix(point - moved)) / (
-        2 * _DIFFERENCE
+        2 * _DIFFERENCE_STEP
     )
     rows[n + 1 : -1, n + 2 :] = matrix[:, :-1]
     rows[-1, n + 2 + largest] = 1.0
@@ -202,10 +204,11 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
         crit = float(omega_crit(parameters, 20).value)
         first = rotation_at(parameters, crit, stable=False)
         second = newton(
-            Collocation(parameters, kind, len(first) - 2), numpy.append(first[:-1], _LOWER * crit)
+            Collocation(parameters, kind, len(first) - 2),
+            numpy.append(first[:-1], _SPEED_RATIO * crit),
         )
         if second is None:
-            raise unconverged(len(first) - 2)
+            raise not_converged_error(len(first) - 2)
         points = _walk(parameters, kind, first, second, math.inf)
     next(points)
     for point, turns in points:
@@ -228,7 +231,7 @@ def _walk(
     """
     length, fastest = 2.0, 0.0  # the next step, in units of the last one
     yield before, True
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         n = len(point) - 2
         a = Collocation(parameters, kind, n)
         before = resampled(kind, before, n)
@@ -240,13 +243,13 @@ def _walk(
         if ahead is None:  # the step is too long, or the cycle needs more harmonics: change both
             length /= 2
             if length < 1e-3:
-                raise unconverged(n)
+                raise not_converged_error(n)
             point = _grown(kind, point, 0.0)
             continue
         passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
             for start in (point, before):
-                fold = fold_near(a, start)
+                fold = spectral_fold_near(a, start)
                 if fold is not None:
                     behind = (fold[: n + 2] - point) @ (ahead - before) < 0
                     passed.insert(0 if behind else 1, (fold[: n + 2], True))
@@ -254,15 +257,15 @@ def _walk(
         yield from passed
         fastest = max(fastest, point[-2])
         rests = point[-2] < fastest / _LONG and _FAR * abs(along[-1]) < abs(target - point[-1])
-        if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT:
+        if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT_LEAN:
             return
-        before, point = point, _grown(kind, ahead, _SMALL)
+        before, point = point, _grown(kind, ahead, _MAX_TAIL)
         length = min(1.3, 2 * length)
 
 
 def _grown(kind: Kind, point: Any, small: float) -> Any:
     harmonics = sizes(kind, point[:-2])
-    if harmonics[-2:].max() > small * harmonics[0] and len(point) < MOST_SAMPLES // 4:
+    if harmonics[-2:].max() > small * harmonics[0] and len(point) < MAX_SAMPLES // 4:
         return resampled(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
     return point
 
@@ -290,7 +293,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     )
     cycle = newton(Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth)
     if cycle is None:
-        raise unconverged(_FIRST_SAMPLES)
+        raise not_converged_error(_FIRST_SAMPLES)
     return _walk(parameters, Kind.LIBRATING, birth, cycle, target)
 
 
@@ -321,7 +324,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
             break
         before, turned = point, turns
     else:
-        lies_flat = abs(before[:-2]).max() > _FLAT
+        lies_flat = abs(before[:-2]).max() > _FLAT_LEAN
         reason = "where the disk would lie flat" if lies_flat else "in ever longer periods"
         raise NoSuchCycleError(f"{nowhere}: the branch ends near {before[-1]:.5g} rad/s, {reason}")
     before = resampled(Kind.LIBRATING, before, len(point) - 2)
@@ -332,7 +335,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
     guess[-1] = speed
     cycle = newton(Collocation(parameters, Kind.LIBRATING, len(guess) - 2), guess)
     if cycle is None:
-        raise unconverged(len(guess) - 2)
+        raise not_converged_error(len(guess) - 2)
     return cycle
 
 
@@ -353,7 +356,7 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
             rotations.
     """
     a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
-    for lean in _LEANS if stable else _LEANS[::-1]:
+    for lean in _START_LEANS if stable else _START_LEANS[::-1]:
         point = newton(a, _rolling(parameters, omega, lean))
         if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
             return point
@@ -406,7 +409,7 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
     values, vectors = numpy.linalg.eig(rows)
     # One copy of each exponent is as good as real; the others differ from it by multiples of i. The
     # flow's exponent is 0.
-    real = numpy.flatnonzero(abs(values.imag) < _REAL)
+    real = numpy.flatnonzero(abs(values.imag) < _MAX_IMAGINARY)
     chosen = real[abs(values[real].real).argsort()][1]
     mode = vectors[:, chosen]
     return float(values[chosen].real), (mode / mode[abs(mode).argmax()]).real, rows

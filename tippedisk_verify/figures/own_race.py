@@ -25,8 +25,8 @@ from tippedisk_verify.progress import progress_of
 __all__ = ["Race", "program_method", "race"]
 
 _AGAINST = ("taylor", "with half-widths, digits", "scipy DOP853", "scipy LSODA", "scipy Radau")
-_LARGEST = 2**24  # bytes of a file of answers
-_PATIENCE = 60.0  # s that a program may take for a run
+_MAX_FILE_BYTES = 2**24  # bytes of a file of answers
+_TIME_LIMIT = 60.0  # s that a program may take for a run
 
 
 @dataclass(frozen=True, repr=False)
@@ -106,7 +106,7 @@ def race(
     methods = [one if isinstance(one, Method) else known[one] for one in _several(against)]
     files = [Path(file) for file in _several(answers)]
     elsewhere = [
-        score for file in files for score in scores_of(file.stem, read_text(file, _LARGEST))
+        score for file in files for score in scores_of(file.stem, read_text(file, _MAX_FILE_BYTES))
     ]
     with ExitStack() as running:
         for name, solver in solvers.items():
@@ -155,7 +155,7 @@ def program_method(
         ) from None
     if not words:
         raise InputError("a program needs a command")
-    with started(words, _PATIENCE) as program:
+    with started(words, _TIME_LIMIT) as program:
         dialogue = _Dialogue(program)
         yield method_of(name, dialogue.solve, tolerances, lambda: dialogue.seconds)
 

@@ -15,7 +15,7 @@ from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 __all__ = ["draw_proved_family"]
 
 _POINTS = 40  # of each arc
-_LEAST = 1e-5  # the least distance of an amplitude from pi that is shown [rad]
+_MIN_DISTANCE = 1e-5  # the least distance of an amplitude from pi that is shown [rad]
 _AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
@@ -137,8 +137,8 @@ def _connection_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) 
     if proof.end_closed and proof.end is not None:
         reach = float(proof.end.high) - omega_h
         axis.fill_between(
-            [_LEAST, float(proof.end.gamma)],
-            _LEAST / 10,
+            [_MIN_DISTANCE, float(proof.end.gamma)],
+            _MIN_DISTANCE / 10,
             reach,
             color=GREEN,
             alpha=0.4,
@@ -149,5 +149,5 @@ def _connection_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) 
     for _, colour, a, omega in near:
         axis.plot(math.pi - a, omega - omega_h, color=colour, lw=2.2)
         axis.plot(math.pi - a[-1], omega[-1] - omega_h, "|", color=BLACK, ms=7)
-    axis.set(xscale="log", yscale="log", xlim=(_LEAST, 0.8), ylim=(_LEAST / 10, None))
+    axis.set(xscale="log", yscale="log", xlim=(_MIN_DISTANCE, 0.8), ylim=(_MIN_DISTANCE / 10, None))
     axis.set(xlabel=r"$\pi - \bar{\gamma}_0$ [rad]", ylabel=r"$\Omega - \Omega_h$ [rad/s]")

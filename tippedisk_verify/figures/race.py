@@ -49,7 +49,7 @@ _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "ra
     "spread": "1",
     "preparation": "s",
 }
-_LEAST = 1e-27  # the least error shown; a smaller one is drawn there
+_MIN_SHOWN_ERROR = 1e-27  # the least error shown; a smaller one is drawn there
 
 #: The problems and settings of the report, which take seconds in all. `bench` has all of them.
 _PROBLEMS = ("cycle", "passage")
@@ -113,14 +113,16 @@ def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
 
 def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, Any]]) -> None:
     """Draw the scores of one problem, with a curve for each method."""
-    errors = [max(score.error, _LEAST) for score in scores if score.error is not None] or [1.0]
+    errors = [
+        max(score.error, _MIN_SHOWN_ERROR) for score in scores if score.error is not None
+    ] or [1.0]
     bottom, top = min(errors) / 10, max(errors) * 10
     axis.set(xscale="log", yscale="log")
     for method, look in looks.items():
         mine = [score for score in scores if score.method == method]
         reached = [score for score in mine if score.error is not None and score.seconds]
         times = [score.seconds for score in reached]
-        axis.plot(times, [max(score.error or 0.0, _LEAST) for score in reached], **look)
+        axis.plot(times, [max(score.error or 0.0, _MIN_SHOWN_ERROR) for score in reached], **look)
     failed = dict.fromkeys(
         s.method for s in scores if s.error is None and s.preparation is not None
     )

@@ -34,10 +34,10 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.surroundings import undisturbed_methods
 
-__all__ = ["METHODS", "Baseline", "Method"]
+__all__ = ["METHODS", "Baseline", "ScipyMethod"]
 
-Method = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
-METHODS: tuple[Method, ...] = get_args(Method)
+ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
+METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
 TIGHTEST = 100 * 2.0**-52
@@ -47,7 +47,7 @@ _DEFAULT_TOLERANCE = 1e-13  # slightly above the tightest; all methods still con
 _COMPLEX_STEP = 1e-40
 _MAX_EVALUATIONS_PER_STEP = 40  # no method evaluates the right-hand side more often in a step
 # Before SciPy 1.17 LSODA kept the state of its run in the library, one for all threads.
-_LSODA = RLock()
+_LSODA_LOCK = RLock()
 
 
 class _OutOfStepsError(Exception):
@@ -163,7 +163,7 @@ class Baseline:
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
         try:
-            with silent, _LSODA if self.method == "LSODA" else nullcontext():
+            with silent, _LSODA_LOCK if self.method == "LSODA" else nullcontext():
                 solution = solve_ivp(
                     counted,
                     (0.0, duration),

@@ -20,14 +20,23 @@ from tippedisk_verify.cache import code_folder
 
 __all__ = ["guarded", "vouch"]
 
-_LIMIT = 256 * 2**20  # bytes
+_MAX_CACHE_BYTES = 256 * 2**20  # bytes
 # All columns that heyoka reads, except the time of last use: it changes, and only decides which
 # entries are removed first.
-_READ = ("hash", "bitcode", "comp_flag", "env_fingerprint", "opt_bc", "opt_ir", "obj", "size")
-_COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ)
+_READ_COLUMNS = (
+    "hash",
+    "bitcode",
+    "comp_flag",
+    "env_fingerprint",
+    "opt_bc",
+    "opt_ir",
+    "obj",
+    "size",
+)
+_COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ_COLUMNS)
 _ENTRIES = f"SELECT hash, digest, {_COLUMNS} FROM cache LEFT JOIN digests USING (hash)"
 _TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL)"
-_FORGET = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
+_DELETE_ORPHANS = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
 _RECKON = (
     "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
 )
@@ -52,7 +61,7 @@ def guarded(llvm_state: Any) -> None:
             if path.exists() and note.read_bytes() != _stamp(path):
                 _settle(path, note, adding=False, checking=True)
             llvm_state.set_diskcache_path(str(path.parent))
-            llvm_state.set_diskcache_limit(_LIMIT)
+            llvm_state.set_diskcache_limit(_MAX_CACHE_BYTES)
             llvm_state.set_diskcache_enabled(True)
             _in_use[:] = [llvm_state, path, note, llvm_state.get_diskcache_size()]
             atexit.register(vouch, ending=True)
@@ -100,7 +109,7 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
                     if digest != _digest(values)
                 ]
                 base.executemany("DELETE FROM cache WHERE hash = ?", wrong)
-                base.execute(_FORGET)
+                base.execute(_DELETE_ORPHANS)
                 base.execute(_RECKON)
             base.execute("COMMIT")
             alone = _stamp(path) == before

@@ -37,7 +37,7 @@ _LAST_PLACE = 1
 _MAX_PROPORTIONAL_DISTANCE = 2.0**-6
 #: The rates [rad/s, rad/s^2] of a start must exceed this many of its roundings for its motion to
 #: have events.
-_LEAST_RATE_IN_ROUNDINGS = 2**20
+_MIN_RATE_IN_ROUNDINGS = 2**20
 
 
 def compared(engine: Engine, request: Request, result: Result) -> Result:
@@ -132,7 +132,7 @@ def _moves(request: Request, wider: Precision) -> bool:
     ops = shifted(wider.ops) if request.shifted else wider.ops
     flow = field(ops, request.parameters.at(wider), wider.number(request.omega), request.law)
     fastest = max(abs(rate) for rate in flow(*map(wider.number, request.state)))
-    return bool(fastest > wider.number(_LEAST_RATE_IN_ROUNDINGS * wider.epsilon))
+    return bool(fastest > wider.number(_MIN_RATE_IN_ROUNDINGS * wider.epsilon))
 
 
 def _parted(first: Result, second: Result) -> bool:

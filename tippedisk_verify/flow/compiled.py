@@ -18,8 +18,8 @@ __all__ = ["CompiledRunners"]
 #: The number of integrators that an engine keeps, each of 1 to 4 MB. All commands in turn need
 #: about 40, and `stress` needs 110.
 _MAX_KEPT = 128
-_COMPILING = RLock()
-_CLOCK = count()
+_COMPILE_LOCK = RLock()
+_RUN_COUNTER = count()
 
 
 class CompiledRunners:
@@ -55,7 +55,7 @@ class CompiledRunners:
         """
         slot = self._slots.get(key)
         if slot is None:
-            with _COMPILING:
+            with _COMPILE_LOCK:
                 slot = self._slots.get(key)
                 if slot is None:  # another thread may have been faster
                     while len(self._slots) >= _MAX_KEPT:  # remove the least recently used runner
@@ -67,7 +67,7 @@ class CompiledRunners:
                 raise RuntimeError(
                     "a run has started another run of the same kind: use a second engine for that"
                 )
-            slot.running, slot.used = True, next(_CLOCK)
+            slot.running, slot.used = True, next(_RUN_COUNTER)
             try:
                 return slot.runner.run(*arguments)
             finally:
@@ -79,4 +79,4 @@ class _Slot:
 
     def __init__(self, runner: Any) -> None:
         self.runner, self.lock, self.running = runner, RLock(), False
-        self.used = next(_CLOCK)  #: the number of its last run, counted over all runners
+        self.used = next(_RUN_COUNTER)  #: the number of its last run, counted over all runners

@@ -27,7 +27,7 @@ from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
     "FLAT",
-    "MOST_STEPS",
+    "MAX_STEPS",
     "SECTION",
     "SLIDING_REVERSAL",
     "TURN",
@@ -50,7 +50,7 @@ Variation = Literal[
 ]
 #: The default limit of a run's steps: half an hour of ordinary motion. A run that needs more is
 #: usually stuck.
-MOST_STEPS = 100_000
+MAX_STEPS = 100_000
 STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
 
 
@@ -225,7 +225,7 @@ class Request:
     domain: Literal["event", "samples", "none"] = "event"
     #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudged`).
     rounding: int | None = None
-    max_steps: int = MOST_STEPS
+    max_steps: int = MAX_STEPS
 
     def __post_init__(self) -> None:
         _check_state(self.state)

@@ -37,16 +37,16 @@ __all__ = ["Defect"]
 
 #: The number of random draws. Their root mean square is less than a quarter of the true one once in
 #: ten million times.
-_DRAWS = 16
+_RANDOM_DRAWS = 16
 #: The size of a polynomial's terms, in parts of the state, below which they are summed in doubles
 #: if the wide arithmetic has 64 bits.
 _SMALL_TERM = 2.0**-10
 #: The number of steps on both sides over which a distance between two numbers of nodes counts. At a
 #: single step it may be small by chance.
-_NEIGHBOURS = 8
+_NEIGHBOUR_STEPS = 8
 #: The places of the distance, as shares of a step: inside a step errors are less exact than at its
 #: ends.
-_PLACES = numpy.linspace(0, 1, 9)
+_STEP_FRACTIONS = numpy.linspace(0, 1, 9)
 
 
 class Defect:
@@ -157,9 +157,11 @@ class Defect:
         Args:
             other: The error of the same run with fewer nodes.
         """
-        distances = abs(self._along(_PLACES) - other._along(_PLACES)).max(axis=1)
-        padded = numpy.pad(distances, ((_NEIGHBOURS, _NEIGHBOURS + 1), (0, 0)), mode="edge")
-        self._left_out = sliding_window_view(padded, 2 * _NEIGHBOURS + 1, axis=0).max(axis=2)
+        distances = abs(self._along(_STEP_FRACTIONS) - other._along(_STEP_FRACTIONS)).max(axis=1)
+        padded = numpy.pad(
+            distances, ((_NEIGHBOUR_STEPS, _NEIGHBOUR_STEPS + 1), (0, 0)), mode="edge"
+        )
+        self._left_out = sliding_window_view(padded, 2 * _NEIGHBOUR_STEPS + 1, axis=0).max(axis=2)
 
     def _along(self, shares: Any) -> Any:
         """Return the errors (n, k, 3) at these shares of every step."""
@@ -292,7 +294,7 @@ def _roundings(states: Any, moves: Any) -> Any:
 @lru_cache(maxsize=4)
 def _signs(count: int) -> Any:
     """Return random signs (count, 3, draws), the same at every call."""
-    return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _DRAWS))
+    return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _RANDOM_DRAWS))
 
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:

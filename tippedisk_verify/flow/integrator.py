@@ -33,7 +33,7 @@ from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["Integrator", "Series"]
+__all__ = ["CompiledStepper", "Series"]
 
 _MAX_PASSES = 64  # the number of events passed next to the start
 
@@ -124,7 +124,7 @@ def _grid_of(request: Request, duration: Any) -> Any:
     return numpy.concatenate(([0.0], inside, [duration]))
 
 
-class Integrator:
+class CompiledStepper:
     """A heyoka stepper for one kind of request, with the callbacks that record its events."""
 
     def __init__(

@@ -11,7 +11,7 @@ from tippedisk_verify.model.precision import heyoka_types
 
 __all__ = ["heyoka_module"]
 
-_LOADING = threading.Lock()
+_LOAD_LOCK = threading.Lock()
 _MEMORY_LIMIT = 256 * 2**20  # bytes of compiled code that a process keeps
 
 
@@ -23,7 +23,7 @@ def heyoka_module() -> ModuleType:
         ImportError: If heyoka cannot be imported.
     """
     heyoka = heyoka_types()
-    with _LOADING:
+    with _LOAD_LOCK:
         heyoka.llvm_state.set_memcache_limit(_MEMORY_LIMIT)
         guarded(heyoka.llvm_state)
         # It logs to standard output, which is for results. Each run's outcome holds its warnings.

@@ -18,7 +18,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.flow.start import LONGEST_WINDOW, START_WINDOW, Start
+from tippedisk_verify.flow.start import MAX_WINDOW, START_WINDOW, Start
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
     SWITCH,
@@ -158,7 +158,7 @@ class BatchTaylor:
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
             """Return True if a crossing is only a start, or a rest, on the surface."""
-            if abs(when) > LONGEST_WINDOW and state != tuple(states[run]):
+            if abs(when) > MAX_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]
             start = Start(

@@ -13,7 +13,7 @@ from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
-    "LONGEST_WINDOW",
+    "MAX_WINDOW",
     "NO_SURFACES",
     "ROUNDINGS",
     "START_WINDOW",
@@ -26,9 +26,9 @@ __all__ = [
 
 #: The shortest time for which a start on an event's surface lasts [s].
 START_WINDOW = 2.0**-30
-_WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
+_START_WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
 #: The longest such time [s].
-LONGEST_WINDOW = _WINDOWS[-1]
+MAX_WINDOW = _START_WINDOWS[-1]
 #: The largest value of an event function at a start on its surface, in roundings.
 ROUNDINGS = 64
 
@@ -108,7 +108,7 @@ class Start(NamedTuple):
             The duration [s] and the value, both as doubles.
         """
         window = value = 0.0
-        for window in _WINDOWS:
+        for window in _START_WINDOWS:
             value = float(
                 self.value(event, self.ahead(self.state, window if self.forward else -window))
             )

@@ -29,7 +29,7 @@ from tippedisk_verify.model.precision import Precision
 __all__ = ["FrictionSign", "FrictionSigns"]
 
 # s after a switch; the branches differ by gamma_y squared, so they are equal in doubles until then.
-_MOMENT = 2.0 ** (-52 / 3)
+_EQUAL_BRANCHES_TIME = 2.0 ** (-52 / 3)
 _MAX_RESIDUAL_SLIP = 1000  # the slip that may be left at a switch, in roundings of the state
 
 
@@ -149,7 +149,9 @@ class FrictionSigns:
         slip = start.value(SLIDING_REVERSAL)
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
-            ahead = start.ahead(start.state, numpy.where(start.forward, _MOMENT, -_MOMENT))
+            ahead = start.ahead(
+                start.state, numpy.where(start.forward, _EQUAL_BRANCHES_TIME, -_EQUAL_BRANCHES_TIME)
+            )
             slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, ahead), slip)
         self._start = start
         self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)

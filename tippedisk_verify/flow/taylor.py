@@ -21,7 +21,7 @@ from tippedisk_verify.flow.comparison import compared
 from tippedisk_verify.flow.compiled import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
-from tippedisk_verify.flow.integrator import Integrator
+from tippedisk_verify.flow.integrator import CompiledStepper
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 from tippedisk_verify.model.surroundings import undisturbed_methods
@@ -109,7 +109,7 @@ class Taylor:
         key = (precision, request.law, request.tolerance, *shape)
         compact = self._compact if self._compact is not None else precision != DOUBLE
         result: Result = self._integrators.run(
-            key, lambda: Integrator(request, events, self._options, compact), request
+            key, lambda: CompiledStepper(request, events, self._options, compact), request
         )
         if request.domain == "samples" and _outside(request, result):
             # This is rare. Only now is the event worth compiling, and only it finds the time.

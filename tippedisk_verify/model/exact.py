@@ -37,11 +37,11 @@ __all__ = [
 ]
 
 # A larger decimal exponent is a mistake, and would cost memory without bound.
-_LARGEST_DECIMAL_EXPONENT = 10_000
+_MAX_DECIMAL_EXPONENT = 10_000
 # The same for powers of two; even the widest arithmetic needs far less.
-_LARGEST_BINARY_EXPONENT = 100_000_000
+_MAX_BINARY_EXPONENT = 100_000_000
 # Python converts integers of up to 4300 decimal digits; nothing here needs more.
-_LARGEST_TEXT = 4_000
+_MAX_TEXT = 4_000
 # Attributes by which the numbers of packages for physical units are recognised.
 _UNIT_ATTRIBUTES = ("unit", "units", "dimensionality", "dimensions")
 _HAS_UNIT = "'{}' has a unit: give it in rad/s, rad, s or other SI units, without a unit"
@@ -297,7 +297,7 @@ def exact(value: object) -> Exact:
     if isinstance(number, str | Decimal):
         return _parse(str(number))
     pair = mantissa_exponent(number)
-    if pair is None or abs(pair.exponent) > _LARGEST_BINARY_EXPONENT:
+    if pair is None or abs(pair.exponent) > _MAX_BINARY_EXPONENT:
         raise InputError(f"a finite number is needed, not {shown(value)}")
     mantissa, exponent = pair
     return Exact(
@@ -369,15 +369,15 @@ def shown(value: object) -> str:
         text = repr(value) if isinstance(value, bytes | bytearray) else str(value)
     except Exception:
         return f"an object of type {type(value).__name__}"
-    return " ".join(text.split())[:40] if len(text) <= _LARGEST_TEXT else text[:40]
+    return " ".join(text.split())[:40] if len(text) <= _MAX_TEXT else text[:40]
 
 
 @lru_cache(maxsize=1024)
 def _parse(text: str) -> Exact:
     shown = text.strip()[:60]
     complaint = f"'{shown}' is not a finite decimal number such as 30.4, 1e-3, 1/3 or pi/2+0.4"
-    if len(text) > _LARGEST_TEXT:
-        raise InputError(f"'{shown}...' is longer than {_LARGEST_TEXT} characters")
+    if len(text) > _MAX_TEXT:
+        raise InputError(f"'{shown}...' is longer than {_MAX_TEXT} characters")
     stripped = re.sub(r"\s+", "", text)
     if not stripped or re.search(r"[\d.]\s+[\d.]", text):
         raise InputError(complaint)
@@ -401,8 +401,8 @@ def _parse(text: str) -> Exact:
 
 def _decimal_fraction(text: str, shown: str) -> Fraction:
     exponent = re.split("[eE]", text)[1:]
-    if exponent and (len(exponent[0]) > 8 or abs(int(exponent[0])) > _LARGEST_DECIMAL_EXPONENT):
-        raise InputError(f"'{shown}' has a decimal exponent beyond {_LARGEST_DECIMAL_EXPONENT}")
+    if exponent and (len(exponent[0]) > 8 or abs(int(exponent[0])) > _MAX_DECIMAL_EXPONENT):
+        raise InputError(f"'{shown}' has a decimal exponent beyond {_MAX_DECIMAL_EXPONENT}")
     # Unlike Fraction(text), without a limit of digits that a program may set
     return Fraction(Decimal(text))
 

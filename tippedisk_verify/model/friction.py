@@ -33,13 +33,15 @@ __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used
 #: The names of the paper's laws.
 Friction = Literal["linear", "smooth"]
 
-_LONGEST_NAME = 40  # characters, so that a title stays on its line
+_MAX_NAME = 40  # characters, so that a title stays on its line
 FORCE_CONSTANTS = ("m", "g", "mu", "epsilon", "pi")  #: the constants that a force may read
 _PROBES = (0.001, 0.1, 0.7, 1.0, 2.5, 30.0)  # sliding velocities, for constants of value 1
 _GUARD_CONSTANTS = ("k", "traction")
 #: The weight keeps the guard's variable near the size of the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-6
-_STEP = 1e-150  # imaginary step; its square is far below the rounding of any sliding velocity
+_IMAGINARY_STEP = (
+    1e-150  # imaginary step; its square is far below the rounding of any sliding velocity
+)
 
 
 def _default_slope(c: Any) -> Any:
@@ -96,13 +98,9 @@ class FrictionLaw:
 
     def __post_init__(self) -> None:
         name = self.name
-        if (
-            not isinstance(name, str)
-            or not name.isprintable()
-            or not 0 < len(name) <= _LONGEST_NAME
-        ):
+        if not isinstance(name, str) or not name.isprintable() or not 0 < len(name) <= _MAX_NAME:
             raise InputError(
-                f"a friction law's name is one line of at most {_LONGEST_NAME} characters, not "
+                f"a friction law's name is one line of at most {_MAX_NAME} characters, not "
                 f"{shown(name)}"
             )
         if not isinstance(self.two_sided, bool):
@@ -208,8 +206,10 @@ class FrictionLaw:
             return gamma_y.context.diff(
                 lambda velocity: self.deceleration(ops, velocity, c, sign), gamma_y
             )
-        moved = gamma_y + complex(0, _STEP)
-        return self.deceleration(cmath if ops is math else ops, moved, c, sign).imag / _STEP
+        moved = gamma_y + complex(0, _IMAGINARY_STEP)
+        return (
+            self.deceleration(cmath if ops is math else ops, moved, c, sign).imag / _IMAGINARY_STEP
+        )
 
     def resistance(
         self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any

@@ -16,12 +16,12 @@ __all__ = ["refuse_unusable"]
 
 _CHECK_BITS = 256
 _VELOCITIES = (Fraction(1, 10), Fraction(1), Fraction(7))  # in epsilon
-_SLACK = 2.0**-128  # relative; half of the check's bits are left to the force's rounding
+_SLOPE_TOLERANCE = 2.0**-128  # relative; half of the check's bits are left to the force's rounding
 #: Relative, between the force in quadruple precision and in the check's: a constant that is rounded
 #: to double differs by some 2^-54, and the rounding of some operations in quadruple by 2^-110.
 _WIDE_SLACK = 2.0**-80
 #: The sliding velocities of the scan for narrow features, in units of mu g / k, where the law bends.
-_SCANNED = (1e-3, 300.0)
+_SCAN_RANGE = (1e-3, 300.0)
 #: The scan fits a Chebyshev polynomial of this degree to the force on intervals of ln(gamma_y) of this
 #: length, and compares the two at this number of further places.
 _DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
@@ -31,7 +31,7 @@ _DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
 #: w = 1/6. A Gaussian bump has it at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
 #: series in double show these from farther away than the third of the velocity that the guard allows a
 #: step: the steps from 18 widths, the bumps from 8.
-_MISFIT = 1e-13
+_MAX_MISFIT = 1e-13
 
 
 def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
@@ -79,12 +79,13 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
     if not all(rate > 0 for rate in forward):
         raise InputError(f"{problem} does not brake: lambda_Ty must be negative for gamma_y > 0")
     still = law.deceleration(ctx, ctx.zero, c, 1)
-    if abs(still) > _SLACK * forward[0] or not all(
-        abs(plus + minus) <= _SLACK * plus for plus, minus in zip(forward, backward, strict=True)
+    if abs(still) > _SLOPE_TOLERANCE * forward[0] or not all(
+        abs(plus + minus) <= _SLOPE_TOLERANCE * plus
+        for plus, minus in zip(forward, backward, strict=True)
     ):
         raise InputError(f"{problem} is not odd in the sliding velocity")
     slope = law.slope_at(ctx, ctx.zero, c, 1)
-    if not abs(slope - c.k) <= _SLACK * slope:
+    if not abs(slope - c.k) <= _SLOPE_TOLERANCE * slope:
         raise InputError(
             f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, which differs from "
             f"its `slope`, {float(c.k * c.m):.10g}, by {float(slope / c.k - 1):.1e}: give its slope, "
@@ -105,7 +106,7 @@ def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> 
     from numpy.polynomial import chebyshev
 
     c, nodes = parameters.at(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
-    low, high = (math.log(share * c.traction / c.k) for share in _SCANNED)
+    low, high = (math.log(share * c.traction / c.k) for share in _SCAN_RANGE)
     middles = numpy.arange(low, high, _LENGTH)[:, None]
     between = numpy.linspace(-1, 1, _PLACES)
     places = numpy.exp(middles + _LENGTH / 2 * between)
@@ -120,7 +121,7 @@ def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> 
         chebyshev.chebvander(nodes, _DEGREE).T, chebyshev.chebvander(between, _DEGREE).T
     )
     away = abs(fitted @ values_between - rates)
-    if (away > _MISFIT * rates.max()).any():
+    if (away > _MAX_MISFIT * rates.max()).any():
         where = places.flat[away.argmax()]
         raise InputError(
             f"{problem} varies within a small part of the sliding velocity near gamma_y = "

@@ -32,8 +32,8 @@ __all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
 DISTANCES = 2
 
-_LARGEST_POWER = 1000  # the largest power that is computed by multiplication
-_LARGEST_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
+_MAX_POWER = 1000  # the largest power that is computed by multiplication
+_MAX_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
 _DOUBLE_DIGITS = 12  # the maximum number of digits for which doubles are used
 _SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this many bits are not used
 
@@ -241,7 +241,7 @@ class Bounded(Approximate):
         The number must be positive unless the exponent is an exact integer from -1000 to 1000.
         """
         power = other.value
-        if other.uncertainty or power.denominator > 1 or abs(power) > _LARGEST_POWER:
+        if other.uncertainty or power.denominator > 1 or abs(power) > _MAX_POWER:
             return (self.log() * other).exp()
         base, size = self if power >= 0 else self._inverse(), abs(int(power))
         # A power changes most at the end that lies farthest from zero.
@@ -267,7 +267,7 @@ class Bounded(Approximate):
                 f"{name} of {self} is not defined: the number may be "
                 f"{'' if low < 0 else 'zero or '}negative"
             )
-        if name == "exp" and max(-low, high) > _LARGEST_EXPONENT:
+        if name == "exp" and max(-low, high) > _MAX_EXPONENT:
             raise InputError(f"exp of {self} may lie beyond 1e±43000")
         bits, before = 128, Fraction(0)
         while True:

@@ -45,7 +45,7 @@ SYMBOLS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 
 _MAX_FILE_BYTES = 64_000  # a usual file has some hundreds; nine decimals of the longest kind 36,000
 _MAX_DOTS_PER_LINE = 200  # time and memory of TOML's dotted keys grow with the square of their dots
-_SMALLEST = Fraction(1, 10**30)  # SI; ratios and products of such parameters fit into doubles
+_MIN_PARAMETER = Fraction(1, 10**30)  # SI; ratios and products of such parameters fit into doubles
 
 
 class Constants(NamedTuple):
@@ -144,7 +144,7 @@ class Parameters(Printable):
                 continue
             if number <= 0:
                 faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
-            elif not _SMALLEST <= number <= 1 / _SMALLEST:
+            elif not _MIN_PARAMETER <= number <= 1 / _MIN_PARAMETER:
                 faults.append(
                     f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, "
                     f"not {shown(value)}"

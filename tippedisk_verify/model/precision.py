@@ -48,8 +48,8 @@ __all__ = [
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
-_MOST_DIGITS = 4_000
-_MOST_BITS = 4_000_000
+_MAX_DIGITS = 4_000
+_MAX_BITS = 4_000_000
 #: The functions of every namespace here. heyoka, math, NumPy and mpmath name them alike.
 FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
 
@@ -294,10 +294,10 @@ def bits(count: int) -> Precision:
     Raises:
         InputError: If ``count`` is not an integer from 24 to 4,000,000.
     """
-    number = whole(count, 24, _MOST_BITS)
+    number = whole(count, 24, _MAX_BITS)
     if number is None:
         raise InputError(
-            f"a precision of {shown(count)} bits is not offered: use 24 to {_MOST_BITS}"
+            f"a precision of {shown(count)} bits is not offered: use 24 to {_MAX_BITS}"
         )
     return Precision("real", number)
 
@@ -336,7 +336,7 @@ def bits_for_digits(digits: int) -> int:
     Raises:
         InputError: If `bits` does not offer an arithmetic of that size.
     """
-    if not 1 <= digits <= _MOST_BITS / math.log2(10) - 1:
+    if not 1 <= digits <= _MAX_BITS / math.log2(10) - 1:
         raise InputError(f"an arithmetic of {shown(digits)} digits is not offered")
     return max(24, math.ceil(digits * math.log2(10)) + 1)
 
@@ -350,7 +350,7 @@ def checked_digits(digits: object) -> int:
     Raises:
         InputError: If ``digits`` is not an integer from 1 to 4000.
     """
-    number = whole(digits, 1, _MOST_DIGITS)
+    number = whole(digits, 1, _MAX_DIGITS)
     if number is None:
         kind = (
             "the text "
@@ -360,7 +360,7 @@ def checked_digits(digits: object) -> int:
             else ""
         )
         raise InputError(
-            f"digits are a whole number from 1 to {_MOST_DIGITS}, not {kind}{shown(digits)}"
+            f"digits are a whole number from 1 to {_MAX_DIGITS}, not {kind}{shown(digits)}"
         )
     return number
 

@@ -36,7 +36,7 @@ from tippedisk_verify.model.parameters import Parameters
 __all__ = ["FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
 
 FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
-_LARGEST = 2**30  # bytes; a file with a million samples is about half as large
+_MAX_FILE_BYTES = 2**30  # bytes; a file with a million samples is about half as large
 _INFINITE = "infinite"
 
 
@@ -124,7 +124,7 @@ def read_saved(path: str | PathLike[str]) -> dict[str, Any]:
     Raises:
         InputError: If the file cannot be read, or has another form.
     """
-    text = read_text(Path(path), _LARGEST)
+    text = read_text(Path(path), _MAX_FILE_BYTES)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):

@@ -27,17 +27,17 @@ from tippedisk_verify.motion.basins import SPEEDS_OF_STATES
 
 __all__ = ["BasinBoundary"]
 
-_DECAY = 37.0  # exp(-37), the rest of the fast direction, is below a double's rounding
+_DECAY_EXPONENT = 37.0  # exp(-37), the rest of the fast direction, is below a double's rounding
 _MIN_TURNS, _MAX_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
 #: A half-width in units of the distance between roots after different numbers of turns, as for
 #: cycles (see `error_budget`).
-_DIFFERENCES = 4
+_ROOT_FACTOR = 4
 _SEARCH_RADIUS = 1e-6  # rad about a root, in which the root after another number of turns lies
 _INFINITE_DISTANCE = math.pi  # rad; stands for an infinite distance from the sheet
 _ROUNDINGS = Fraction(1, 10**14)  # rad; the effect of the last bits of the start and of pi
-_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
-_UPRIGHT = Event("upright", SECTION.function)
+_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
+_BETA_SECTION = Event("upright", SECTION.function)
 
 
 class BasinBoundary(Printable):
@@ -67,7 +67,7 @@ class BasinBoundary(Printable):
         # (1, w), the left eigenvector of the turn map's derivative, extracts that coordinate from a
         # difference.
         self._weight = b / (float(self.cycle.multiplier_slow) - d)
-        decay_turns = _DECAY / -float(self.cycle.log_multiplier_fast)
+        decay_turns = _DECAY_EXPONENT / -float(self.cycle.log_multiplier_fast)
         self._turns = min(_MAX_TURNS, max(_MIN_TURNS, math.ceil(decay_turns)))
 
     def margin(self, state: Sequence[float]) -> Measured:
@@ -114,7 +114,7 @@ class BasinBoundary(Printable):
         root = self._root(gamma, v, self._turns, (0.0, math.pi))
         nearby = max(0.0, root - _SEARCH_RADIUS), min(math.pi, root + _SEARCH_RADIUS)
         again = self._root(gamma, v, self._turns + 1, nearby)
-        width = _DIFFERENCES * abs(Fraction(root) - Fraction(again)) + _ROUNDINGS
+        width = _ROOT_FACTOR * abs(Fraction(root) - Fraction(again)) + _ROUNDINGS
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
@@ -147,8 +147,8 @@ class BasinBoundary(Printable):
             return -math.inf
         # The turns of orbits farther inside take longer
         long = (turns + 2) * 4 * float(self.cycle.period)
-        result = self._flight((beta, gamma, v), long, (_TOP, _UPRIGHT))
-        tops = [record.state.tolist() for record in result.events if record.name == _TOP.name]
+        result = self._flight((beta, gamma, v), long, (_GAMMA_TOP, _BETA_SECTION))
+        tops = [record.state.tolist() for record in result.events if record.name == _GAMMA_TOP.name]
         if len(tops) < turns:
             return math.inf if result.status is Status.FLAT else -math.inf
         beta, _, v = tops[turns - 1]

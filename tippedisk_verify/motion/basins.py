@@ -42,14 +42,14 @@ __all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes
 
 OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
-_PORTION = 2048  # the number of states in a task
-_STRETCH = 5.0  # s; after each stretch, states whose disk lies flat leave their lanes
+_TASK_SIZE = 2048  # the number of states in a task
+_STRETCH_TIME = 5.0  # s; after each stretch, states whose disk lies flat leave their lanes
 _LAST_SECONDS = 4.0  # s of crossings that decide the outcome
 _LAST_PERIODS = 2.5  # periods of the cycle, which decide instead if they take longer
-_LONGEST_RUN = 8  # the longest run of an undecided state, in units of the duration
+_MAX_RUN = 8  # the longest run of an undecided state, in units of the duration
 _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
-_TOP = Event("top or bottom", ROUND.function, terminal=False)
+_TOP_OR_BOTTOM = Event("top or bottom", ROUND.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
 
@@ -171,7 +171,7 @@ def basins(
         duration=duration,
         attractors=Attractors.at(parameters, speed),
     )
-    portions = [states[first : first + _PORTION] for first in range(0, len(states), _PORTION)]
+    portions = [states[first : first + _TASK_SIZE] for first in range(0, len(states), _TASK_SIZE)]
     outcomes = []
     for portion in map_of(executor)(classify, portions):
         outcomes.append(portion)
@@ -222,7 +222,11 @@ class Attractors:
         amplitudes = [
             abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name
         ]
-        tops = [state for name, state in crossings if name == _TOP.name and math.sin(state[1]) > 0]
+        tops = [
+            state
+            for name, state in crossings
+            if name == _TOP_OR_BOTTOM.name and math.sin(state[1]) > 0
+        ]
         leans = [abs(state[0] - math.pi / 2) for state in tops]
         if len(amplitudes) >= 2:
             before, after = amplitudes[0], amplitudes[-1]
@@ -257,9 +261,9 @@ def classified_lanes(
     outcome[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
     now = states[moving]
     until, elapsed = max(0.0, duration - attractors.last), 0.0
-    while elapsed < _LONGEST_RUN * duration and len(moving):
+    while elapsed < _MAX_RUN * duration and len(moving):
         deciding = elapsed >= until
-        stretch = attractors.last if deciding else min(_STRETCH, until - elapsed)
+        stretch = attractors.last if deciding else min(_STRETCH_TIME, until - elapsed)
         now, flat, crossings = _run(parameters, omega, now, stretch, record=deciding)
         outcome[moving[flat]] = _FLAT_INDEX
         going = ~flat
@@ -284,7 +288,7 @@ def _run(
         The states (n, 3) at the end, a mask (n,) of the disks that lie flat, and the crossings of
         each run by its index. Without ``record`` only crossings into lying flat are recorded.
     """
-    events = (_FLAT, _SECTION, _TOP) if record else (_FLAT,)
+    events = (_FLAT, _SECTION, _TOP_OR_BOTTOM) if record else (_FLAT,)
     count = len(now)
     batch = default_lanes()(
         field_constants(parameters),

@@ -12,7 +12,7 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
-    MOST_STEPS,
+    MAX_STEPS,
     SECTION,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
@@ -45,9 +45,9 @@ from tippedisk_verify.progress import progress_of
 __all__ = ["EVENTS", "integrated"]
 
 _SAMPLES = 201  # the number of times if none are given
-_SHORTEST = 1e-300  # s; in longer runs, even times differ as extended numbers
-_LONG = 60  # s; shorter motions are finished before progress would be shown
-_LARGEST_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
+_MIN_DURATION = 1e-300  # s; in longer runs, even times differ as extended numbers
+_LONG_DURATION = 60  # s; shorter motions are finished before progress would be shown
+_MAX_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
 #: The variables of derivatives, by the names that callers give.
 _VARIABLES: dict[str, tuple[str, ...]] = {
     "state": STATE_VARIATIONS,
@@ -71,7 +71,7 @@ def integrated(
     engine: Engine,
     variations: str | Sequence[str] = (),
     shifted: bool = False,
-    max_steps: int = MOST_STEPS,
+    max_steps: int = MAX_STEPS,
     progress: bool | None = None,
     half_widths: bool = True,
     rtol: object = None,
@@ -90,7 +90,7 @@ def integrated(
     elif length := float(end - start):
         asked = EvenTimes(start, end, _SAMPLES)
         extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
-        quick = corrected and extended and abs(length) > _SHORTEST
+        quick = corrected and extended and abs(length) > _MIN_DURATION
         times = EvenTimes(exact(0), end - start, _SAMPLES)
         if quick:
             times = _rounded_even_times(end - start)
@@ -118,7 +118,9 @@ def integrated(
         digits=digits if corrected else PLAIN_DIGITS,
         max_steps=max_steps,
     )
-    with progress_of(progress=progress if abs(float(end - start)) > _LONG else False) as advance:
+    with progress_of(
+        progress=progress if abs(float(end - start)) > _LONG_DURATION else False
+    ) as advance:
         advance("motion", 0)
         result = engine(request)
     if result.status is Status.FLAT and not result.time:
@@ -142,7 +144,7 @@ def _note(request: Request) -> str:
     unmeasured = "" if request.error_estimate else "without half-widths"
     state, shifted = request.state, request.shifted
     beta, gamma = (abs(float(exact(angle))) for angle in state[:2])
-    if beta <= math.tau and gamma <= _LARGEST_ANGLE:
+    if beta <= math.tau and gamma <= _MAX_ANGLE:
         return unmeasured
     name, value = ("beta", state[0]) if beta > math.tau else ("gamma", state[1])
     degrees = f"angles are in radians, and {name}{'_bar' if shifted else ''} = {shown(value)} is many turns"

@@ -37,11 +37,11 @@ __all__ = [
     "top_leans",
 ]
 
-_QUARTER = PI * Fraction(1, 2)
+_HALF_PI = PI * Fraction(1, 2)
 #: The paper's initial states x_0^1 and x_0^2, as (beta, gamma, v) [rad, rad, rad/s].
 INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
-    (_QUARTER, -_QUARTER, exact(2)),
-    (_QUARTER, _QUARTER + exact("0.4"), exact(0)),
+    (_HALF_PI, -_HALF_PI, exact(2)),
+    (_HALF_PI, _HALF_PI + exact("0.4"), exact(0)),
 )
 
 # Near Omega_crit the cycle attracts at a rate of about 0.1 per second: 120 s bring its distance
@@ -51,7 +51,7 @@ _SAMPLES_PER_SECOND = 100
 _MIN_CROSSINGS = 12  # the number of crossings that decide the attractor
 _MAX_BEND = 0.5  # at this bend the parabola's zero is a sixth farther than the line's
 # A section amplitude below this is close to the inverted state [rad].
-_SMALL = 0.05
+_MIN_AMPLITUDE = 0.05
 # The error of a section amplitude [rad]. The Taylor engine's dense output is as accurate as its
 # steps. An orbit near an attracting cycle keeps only the latest rounding errors, of inputs too.
 _CROSSING_ERROR = 1e-12
@@ -178,7 +178,7 @@ class Panel(Printable):
         }
 
 
-def compute(
+def panel_of(
     scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
 ) -> Panel:
     """Integrate a panel's orbits and determine their attractors.
@@ -273,7 +273,7 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
             "undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"
         )
     recent = amplitudes[-11:]
-    if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _SMALL:
+    if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _MIN_AMPLITUDE:
         return Ending(
             "inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"
         )
@@ -302,7 +302,7 @@ def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
         return Ending("undecided", "section amplitudes settle ever more slowly; integrate longer")
     remaining = max(abs(changes[-1]), error) * ratio / (1 - ratio)
     limit = amplitudes[-1] + math.copysign(remaining, changes[-1])
-    if limit > _SMALL and remaining < limit / 100:
+    if limit > _MIN_AMPLITUDE and remaining < limit / 100:
         # Twice the remaining distance, because the ratio is an estimate.
         amplitude = Measured.of(limit, 2 * remaining + error)
         return Ending(kind, "section amplitudes converge geometrically", amplitude=amplitude)

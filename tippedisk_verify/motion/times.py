@@ -16,7 +16,7 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["EvenTimes", "decimal_time", "since_start", "span_of"]
 
-_LATEST = 10**300  # s; doubles hold all times up to it
+_MAX_TIME = 10**300  # s; doubles hold all times up to it
 _EXACT = 2**53  # doubles hold all smaller integers, so that their quotient is rounded once
 _CUT_DIGITS, _CUT_BITS = 50, 400  # of a time whose decimals never end, and of its enclosure
 
@@ -86,7 +86,7 @@ def span_of(time: Any) -> tuple[Exact, Exact]:
             f"`t_eval` takes more times"
         )
     start, end = exact(ends[0]), exact(ends[1])
-    if max(abs(start.rational), abs(end.rational)) > _LATEST:
+    if max(abs(start.rational), abs(end.rational)) > _MAX_TIME:
         raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")
     return start, end
 

@@ -24,7 +24,7 @@ _HEADER = (
     "Reference values of the tippedisk. A good answer in doubles is off by `tolerance` at most."
     " An input that does not apply is 0."
 )
-_LONGEST = 63  # characters of a name, the limit of Fortran and of MATLAB
+_MAX_NAME = 63  # characters of a name, the limit of Fortran and of MATLAB
 Row = tuple[list[str], list[float]]  #: the values of `_TEXTS` and of `_FIELDS`
 
 
@@ -61,7 +61,7 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
         raise InputError(
             "doubles cannot tell the inputs of these values apart: a test file would be empty"
         )
-    name = re.sub(r"\W", "_", f"tippedisk_{file.stem}", flags=re.ASCII)[:_LONGEST]
+    name = re.sub(r"\W", "_", f"tippedisk_{file.stem}", flags=re.ASCII)[:_MAX_NAME]
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
 

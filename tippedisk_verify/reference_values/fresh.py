@@ -28,19 +28,19 @@ from tippedisk_verify.reference_values.store import Quantity, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["MOST_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
+__all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
 
 STATES_PER_DISK = 10
-MOST_STATES = 1000  #: the maximum on one sheet
+MAX_STATES = 1000  #: the maximum on one sheet
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 _TIMES = ("0.5", "1", "1.5", "2")
 _DIGITS = 12  # of orbits and cycles, which double precision reaches
-_HALF_PI = Fraction("1.5708")
+_ABOUT_HALF_PI = Fraction("1.5708")
 _ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
-_MOST_ENTRIES = 42 * MOST_STATES // STATES_PER_DISK  # the maximum on one sheet; a disk has 42
+_MAX_ENTRIES = 42 * MAX_STATES // STATES_PER_DISK  # the maximum on one sheet; a disk has 42
 
 
-@lru_cache(maxsize=MOST_STATES // STATES_PER_DISK)
+@lru_cache(maxsize=MAX_STATES // STATES_PER_DISK)
 def _items(set_name: str) -> tuple[Item, ...]:
     """Return all questions of a drawn disk, easiest first."""
     return tuple(_drawn_items(set_name))
@@ -72,9 +72,9 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
         )
         width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
         state = {
-            "beta": draw.between(f"beta {n}", _HALF_PI - width, _HALF_PI + width, 6),
+            "beta": draw.between(f"beta {n}", _ABOUT_HALF_PI - width, _ABOUT_HALF_PI + width, 6),
             "gamma": draw.between(
-                f"gamma {n}", _HALF_PI - Fraction("4.7"), _HALF_PI + Fraction("4.7"), 5
+                f"gamma {n}", _ABOUT_HALF_PI - Fraction("4.7"), _ABOUT_HALF_PI + Fraction("4.7"), 5
             ),
             "v": draw.between(f"v {n}", -12, 12, 4),
         }
@@ -99,10 +99,10 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
     # Near inverted spinning: from there the disk does not lie flat within two seconds.
     start = {
         "beta": draw.between(
-            "orbit beta", _HALF_PI - Fraction("0.3"), _HALF_PI + Fraction("0.3"), 4
+            "orbit beta", _ABOUT_HALF_PI - Fraction("0.3"), _ABOUT_HALF_PI + Fraction("0.3"), 4
         ),
         "gamma": draw.between(
-            "orbit gamma", _HALF_PI - Fraction("0.8"), _HALF_PI + Fraction("0.8"), 4
+            "orbit gamma", _ABOUT_HALF_PI - Fraction("0.8"), _ABOUT_HALF_PI + Fraction("0.8"), 4
         ),
         "v": draw.between("orbit v", -2, 2, 4),
     }
@@ -118,15 +118,15 @@ def blank_questions(states: int, seed: int) -> Store:
     """Return questions without answers.
 
     Args:
-        states: The number of states, from 1 to `MOST_STATES`. There are ten to a disk, with the
+        states: The number of states, from 1 to `MAX_STATES`. There are ten to a disk, with the
             other questions about that disk.
         seed: The seed, from 0 to 999999999.
 
     Raises:
         InputError: If a number is out of its range.
     """
-    if not 1 <= states <= MOST_STATES:
-        raise InputError(f"--states is a number from 1 to {MOST_STATES}, not {states}")
+    if not 1 <= states <= MAX_STATES:
+        raise InputError(f"--states is a number from 1 to {MAX_STATES}, not {states}")
     if not 0 <= seed < 10**9:
         raise InputError(f"--seed is a number from 0 to 999999999, not {seed}")
     disks = -(-states // STATES_PER_DISK)
@@ -172,13 +172,13 @@ def with_fresh(
         advance: A function that is called with an id and 1 after each question.
 
     Raises:
-        InputError: If there are more questions than `MOST_STATES` states give.
+        InputError: If there are more questions than `MAX_STATES` states give.
     """
     named = {found[0] for found in _ENTRY.finditer(text)}
-    if len(named) > _MOST_ENTRIES:
+    if len(named) > _MAX_ENTRIES:
         raise InputError(
             f"there are fresh questions for {len(named)} entries: a sheet has "
-            f"{_MOST_ENTRIES} at most"
+            f"{_MAX_ENTRIES} at most"
         )
     sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
     wanted = [item for name in sets for item in _items(name) if item.id in named]
@@ -193,7 +193,7 @@ def with_fresh(
     )
 
 
-@lru_cache(maxsize=_MOST_ENTRIES)
+@lru_cache(maxsize=_MAX_ENTRIES)
 def _truths(item_id: str) -> tuple[Quantity, ...]:
     item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
     values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}

@@ -9,7 +9,7 @@ from tippedisk_verify.reference_values.store import Quantity, Reading, Store, st
 
 __all__ = ["full_id", "reference", "references"]
 
-_MOST_NEAR = 5  # ids that an error message suggests
+_MAX_NEAR = 5  # ids that an error message suggests
 
 
 def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
@@ -80,7 +80,7 @@ def _near(asked: str) -> list[str]:
     while parts and not sharing:
         sharing = [id_ for id_ in known if id_.startswith("/".join([*parts, ""]))]
         parts.pop()
-    return get_close_matches(asked, sharing or known, _MOST_NEAR, 0 if sharing else 0.5)
+    return get_close_matches(asked, sharing or known, _MAX_NEAR, 0 if sharing else 0.5)
 
 
 def _with_drawn(prefix: str) -> Store:

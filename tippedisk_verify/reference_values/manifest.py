@@ -45,7 +45,7 @@ STATIC = (
 FILES = (*VALUES, *STATIC)  #: all files with a hash in the manifest
 MANIFEST = "manifest.json"
 LARGEST = 64_000_000  #: bytes that a file may have; the largest has about ten million
-_LARGEST_MANIFEST = 1_000_000  # bytes
+_MAX_MANIFEST = 1_000_000  # bytes
 
 
 def data_folder() -> Path:
@@ -116,7 +116,7 @@ def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
     Raises:
         InputError: If it cannot be read.
     """
-    text = read_bytes(folder / MANIFEST, _LARGEST_MANIFEST)
+    text = read_bytes(folder / MANIFEST, _MAX_MANIFEST)
     try:
         content = json.loads(text)
         if not isinstance(content, dict) or not isinstance(content.get("files"), dict):

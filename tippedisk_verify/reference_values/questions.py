@@ -65,7 +65,7 @@ _UNIT_SIZED = (
 #: measured at rtol = atol = 1e-12 and 1e-13, on all orbits and librating cycles of the printed set.
 #: It is at most 5.3e-11 with SciPy's LSODA and 5.0e-11 with DOP853.
 TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
-_LEAST = 0.3  # digits that every question requires: an error of half the value
+_MIN_DIGITS = 0.3  # digits that every question requires: an error of half the value
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
 #: Columns of values.csv: the question, its numbers as hexadecimal doubles, the value, its grade.
 TABLE = (
@@ -161,7 +161,7 @@ def needed(quantity: Quantity) -> float:
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
     condition = float(slopes_of(quantity) / scale) if scale else 0.0
     if "doubles" in quantity.values and condition:
-        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _LEAST)
+        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _MIN_DIGITS)
     return round(digits, 3)  # the same on every processor
 
 

@@ -67,14 +67,14 @@ DIGITS = 56  #: of closed forms, so that 50 can be stored
 #: some cancel near beta = pi/2.
 BITS, WIDER = 240, 304
 ORDERS = 5  #: of the slow manifold
-_STEP = Fraction(1, 10**12)  # relative step of the differences that give condition numbers
+_RELATIVE_STEP = Fraction(1, 10**12)  # relative step of the differences that give condition numbers
 # Relative step of differences in doubles: rounding costs ten digits, and the step twelve.
 _STEP_IN_DOUBLE = Fraction(1, 10**6)
 # [s] Orbits start on the section up to rounding, half of them with v = 0. A crossing before this
 # time is the start itself, even after a start is moved by 1e-7 to find its effect.
-_START = 0.01
+_MIN_CROSSING_TIME = 0.01
 _STATE = ("beta", "gamma", "v")
-_QUARTER = PI * Fraction(1, 2)
+_HALF_PI = PI * Fraction(1, 2)
 Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
@@ -111,7 +111,9 @@ def condition(case: ExactItem, values: Values) -> Slopes:
 
 
 def by_differences(
-    case: ExactItem, plain: Callable[[ExactItem], Mapping[str, Any]], step: Fraction = _STEP
+    case: ExactItem,
+    plain: Callable[[ExactItem], Mapping[str, Any]],
+    step: Fraction = _RELATIVE_STEP,
 ) -> Slopes:
     """Return dq / (dp / p) for each quantity q and parameter or input p, by central differences.
 
@@ -342,7 +344,7 @@ def orbit(
     times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
     start = [exact(case.inputs[name]) for name in _STATE]
     if shift:
-        start[:2] = [angle - _QUARTER for angle in start[:2]]
+        start[:2] = [angle - _HALF_PI for angle in start[:2]]
     run = case.disk.integrate(
         case.inputs["Omega"],
         start,
@@ -361,7 +363,7 @@ def orbit(
         for time, *sample in samples
         for name, pair in zip(_STATE, zip(*sample, strict=True), strict=True)
     }
-    crossings = (event for event in run.events if event.time > _START)
+    crossings = (event for event in run.events if event.time > _MIN_CROSSING_TIME)
     for n, crossing in enumerate(crossings, start=1):
         numbers[f"crossing_time#{n}"] = crossing.time, crossing.time_uncertainty
         for name, *pair in zip(
@@ -381,7 +383,7 @@ def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
     """
-    quarter = sum(_QUARTER.enclosed(WIDER)) / 2 if shift else Fraction(0)
+    quarter = sum(_HALF_PI.enclosed(WIDER)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
             fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),
@@ -475,11 +477,11 @@ Plain = Callable[[ExactItem, Values], Mapping[str, Any]]
 #: orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 #: 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {
-    "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _STEP),
-    "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _STEP),
-    "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _STEP),
-    "harmonic-balance": (lambda case, values: _law(case, bits(BITS).context), _STEP),
-    "slow-manifold": (lambda case, values: _manifold(case, bits(BITS).context), _STEP),
+    "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _RELATIVE_STEP),
+    "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _RELATIVE_STEP),
+    "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _RELATIVE_STEP),
+    "harmonic-balance": (lambda case, values: _law(case, bits(BITS).context), _RELATIVE_STEP),
+    "slow-manifold": (lambda case, values: _manifold(case, bits(BITS).context), _RELATIVE_STEP),
     "trajectory": (_moved_orbit, Fraction(1, 10**7)),
     "limit-cycle": (_cycle_in_double, Fraction(1, 10**8)),
     "rotating-cycle": (_cycle_in_double, Fraction(1, 10**8)),

@@ -18,9 +18,9 @@ from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.provenance import DRAWING, fingerprint
 
-__all__ = ["AuditJob", "AuditRecords", "Task", "compute", "key", "run", "tasks_for"]
+__all__ = ["AuditJob", "AuditRecords", "Task", "key", "run", "run_task", "tasks_for"]
 
-_MOST_TASKS_HERE = 4  # for so few heavy tasks, starting processes costs more than it saves
+_MAX_TASKS_HERE = 4  # for so few heavy tasks, starting processes costs more than it saves
 _TICK = 0.2  # s between two updates of the progress
 
 
@@ -112,7 +112,7 @@ def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
     return Audit(parameters, Taylor(compact=True), digits)
 
 
-def compute(order: AuditJob, task: Task) -> Any:
+def run_task(order: AuditJob, task: Task) -> Any:
     """Compute a task and return its result as plain data."""
     if task.kind == "formulas":
         from tippedisk_verify.figures.formula import formulas_drawn
@@ -161,7 +161,7 @@ def run(
     alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
     heavy = [task for task in ahead if task not in alone and not _light(task)]
     light = [task for task in ahead if _light(task)]
-    if len(heavy) <= _MOST_TASKS_HERE:
+    if len(heavy) <= _MAX_TASKS_HERE:
         _here(order, [*light, *heavy, *alone], keep, advance)
     else:
         heavy.sort(key=_cost, reverse=True)  # so that the tasks started last are short
@@ -198,7 +198,7 @@ def _here(
 ) -> None:
     for task in tasks:
         advance(task.name, 0)
-        keep(task, compute(order, task))
+        keep(task, run_task(order, task))
         advance(task.name, 1)
 
 
@@ -216,7 +216,7 @@ def _there(
     """
     waiting: dict[Future[Any], Task] = {}
     try:
-        waiting |= {executor.submit(compute, order, task): task for task in heavy}
+        waiting |= {executor.submit(run_task, order, task): task for task in heavy}
         _here(order, light, keep, advance)
         while waiting:
             advance(

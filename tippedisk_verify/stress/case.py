@@ -27,7 +27,7 @@ __all__ = [
 ]
 
 _TRUTH = bits(200)  # 60 digits, the precision of the true solution
-_MOST_DIGITS = 16.0  # closer values cannot be distinguished in doubles
+_MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
 @dataclass(frozen=True)
@@ -117,10 +117,10 @@ def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
     away = abs(fraction(value) - fraction(truth))
     size = abs(fraction(truth)) if scale is None else abs(fraction(scale))
     if not away:
-        return _MOST_DIGITS
+        return _MAX_DIGITS
     if not size:
         return 0.0
-    return max(0.0, min(_MOST_DIGITS, -_log10(away / size)))
+    return max(0.0, min(_MAX_DIGITS, -_log10(away / size)))
 
 
 def _log10(ratio: Fraction) -> float:
@@ -190,7 +190,7 @@ def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
         sharp: The same in higher precision.
         names: The attributes to compare.
     """
-    digits, honest = _MOST_DIGITS, True
+    digits, honest = _MAX_DIGITS, True
     for name in names:
         a, b = getattr(mine, name), getattr(sharp, name)
         honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty

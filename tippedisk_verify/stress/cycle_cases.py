@@ -9,10 +9,10 @@ from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.at_distance import cycle_above
-from tippedisk_verify.cycles.near_connection import cycle_near
-from tippedisk_verify.cycles.omega_h import heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.whole_flight_cycles import cycle_near
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact

@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any, get_args
 
 from tippedisk_verify.cycles.at_speed import cycle_at
-from tippedisk_verify.cycles.omega_h import heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.decimals import exact_text
@@ -31,8 +31,8 @@ from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
 __all__ = ["Plan", "axis", "computed"]
 
-_MOST_POINTS = 1_000_000
-_MOST_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
+_MAX_POINTS = 1_000_000
+_MAX_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
 _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 
 
@@ -134,12 +134,12 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
     if not (parts := re.fullmatch(r"([^:]*):([^:]*):\s*([0-9]{1,9})\s*", values)):
         raise InputError(f"a range is FIRST:LAST:COUNT, not '{values[:60]}'")
     first, last, count = exact(parts[1]), exact(parts[2]), int(parts[3])
-    if not 2 <= count <= _MOST_POINTS or first.pi_multiple or last.pi_multiple:
+    if not 2 <= count <= _MAX_POINTS or first.pi_multiple or last.pi_multiple:
         raise InputError(
-            f"a range has decimal ends and 2 to {_MOST_POINTS} points, not '{values[:60]}'"
+            f"a range has decimal ends and 2 to {_MAX_POINTS} points, not '{values[:60]}'"
         )
     step = (last.rational - first.rational) / (count - 1)
-    if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MOST_BITS:
+    if count * max(step.denominator.bit_length(), step.numerator.bit_length()) > _MAX_BITS:
         raise InputError(
             f"the ends of '{values[:60]}' have too many digits for {count} points: round them"
         )
@@ -179,9 +179,9 @@ class Plan:
                 f"{self.analysis} needs either omega or below-crit as an axis (one value will do)"
             )
         checked_digits(self.digits)
-        if not self.axes or len(self) > _MOST_POINTS:
+        if not self.axes or len(self) > _MAX_POINTS:
             raise InputError(
-                f"a sweep has 1 to {_MOST_POINTS} points, not {len(self) if self.axes else 0}"
+                f"a sweep has 1 to {_MAX_POINTS} points, not {len(self) if self.axes else 0}"
             )
 
     def __len__(self) -> int:

@@ -17,15 +17,15 @@ from itertools import islice
 from pathlib import Path
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import alone, write_table
+from tippedisk_verify.files import file_lock, write_table
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.provenance import code_version
 from tippedisk_verify.sweep.plan import Plan, computed
 
 __all__ = ["swept"]
 
-_LONGEST_LINE = 1_000_000  # bytes of a line of the journal
-_MOST_AHEAD = 256  # points submitted at a time, so that a long sweep does not fill the memory
+_MAX_LINE = 1_000_000  # bytes of a line of the journal
+_MAX_AHEAD = 256  # points submitted at a time, so that a long sweep does not fill the memory
 Row = dict[str, str]
 Workers = Callable[[], AbstractContextManager[Executor | None]]
 
@@ -54,7 +54,9 @@ def swept(
         AccuracyError: If the executor fails, or its workers have other code.
     """
     journal = out.with_name(f".{out.name}.journal")
-    with alone(journal, f"another run is sweeping into {out}: wait for it, or give another --out"):
+    with file_lock(
+        journal, f"another run is sweeping into {out}: wait for it, or give another --out"
+    ):
         rows = _taken_up(journal, plan)
         advance("resumed", len(rows))
 
@@ -112,7 +114,7 @@ def _run(
         return
     waiting: dict[Future[Row], int] = {}
     while True:
-        for index, point in islice(missing, _MOST_AHEAD - len(waiting)):
+        for index, point in islice(missing, _MAX_AHEAD - len(waiting)):
             waiting[executor.submit(computed, *asked, point)] = index
         if not waiting:
             return
@@ -140,7 +142,7 @@ def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
     """
     rows: dict[int, Row] = {}
     with open(journal, "r+b") as stream:
-        first, head = stream.readline(_LONGEST_LINE), _head(plan)
+        first, head = stream.readline(_MAX_LINE), _head(plan)
         if not head.startswith(first):
             same_plan = first.partition(b",")[0] == head.partition(b",")[0]
             whose = "other code, named in its first line" if same_plan else "another sweep"
@@ -149,7 +151,7 @@ def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
                 f"give another --out"
             )
         whole = len(first) if first == head else 0
-        for line in iter(lambda: stream.readline(_LONGEST_LINE), b"") if whole else ():
+        for line in iter(lambda: stream.readline(_MAX_LINE), b"") if whole else ():
             try:
                 entry = json.loads(line)
                 index, row = entry["point"], entry["row"]

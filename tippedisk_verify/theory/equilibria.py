@@ -42,7 +42,7 @@ __all__ = [
 
 EquilibriumName = Literal["inverted", "noninverted"]
 _HALF = Fraction(1, 2)
-_FASTEST = 10**6  # rad/s, as for all speeds
+_MAX_SPEED = 10**6  # rad/s, as for all speeds
 _GUARD_DIGITS = 20  # extra digits of a root, because numbers computed from it lose some
 
 
@@ -290,5 +290,5 @@ def kind_changes(
     return tuple(
         square_root(square, digits + _GUARD_DIGITS)
         for square in squares
-        if 0 < square.value < _FASTEST**2
+        if 0 < square.value < _MAX_SPEED**2
     )

@@ -41,11 +41,13 @@ __all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "polynomial", "s
 ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
 
 _WORKING_BITS = 96  # of eigenvalues and eigenvectors, beyond the 64 of the series
-_SPEEDS = 6  # at Chebyshev's nodes: charts hardly bend with the speed
-_REACH = 2.5e-4  # of the origin, within which these lie
-_CHORDS = 60  # at most, for the coordinates of a point
-_LAST = 3  # powers below the order, whose terms show the radius of convergence
-_SMALL = 2.0**-50  # of the largest coordinate; below it a step that does not shrink is rounding
+_SPEED_NODES = 6  # at Chebyshev's nodes: charts hardly bend with the speed
+_SPEED_REACH = 2.5e-4  # of the origin, within which these lie
+_MAX_CHORD_STEPS = 60  # at most, for the coordinates of a point
+_LAST_TERMS = 3  # powers below the order, whose terms show the radius of convergence
+_ROUNDING_STEP = (
+    2.0**-50
+)  # of the largest coordinate; below it a step that does not shrink is rounding
 
 
 def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -245,7 +247,7 @@ class SaddleChart:
         """Estimate the radius of convergence in u (0) or s (1), from the last terms that are nearly
         pure powers of it.
         """
-        last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST
+        last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST_TERMS
         sizes, degrees = abs(self.coefficients[:, last]).max(axis=0), self.monomials.degrees[last]
         return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
 
@@ -259,10 +261,10 @@ class SaddleChart:
         Raises ArithmeticError if the iteration does not settle.
         """
         point, before = self.inverse @ y, numpy.inf
-        for _ in range(_CHORDS):
+        for _ in range(_MAX_CHORD_STEPS):
             step = self.inverse @ (y - self.at(point))
             point, size = point + step, abs(step).max()
-            if before / 2 <= size < _SMALL * abs(point).max() or not size:
+            if before / 2 <= size < _ROUNDING_STEP * abs(point).max() or not size:
                 return point
             before = size
         raise ArithmeticError("the point is too far from the saddle for its chart")
@@ -275,9 +277,10 @@ class ChartFamily:
         self, parameters: Parameters, origin: Fraction, side: int | None, order: int, bands: int
     ) -> None:
         self.monomials = monomials = _monomials(order, bands)
-        reach = float(origin) * _REACH
+        reach = float(origin) * _SPEED_REACH
         distances = [
-            Fraction(reach * math.cos((k + 0.5) * math.pi / _SPEEDS)) for k in range(_SPEEDS)
+            Fraction(reach * math.cos((k + 0.5) * math.pi / _SPEED_NODES))
+            for k in range(_SPEED_NODES)
         ]
         saddles = [
             Saddle(parameters, origin + distance, _WORKING_BITS, 1) for distance in distances
@@ -290,10 +293,10 @@ class ChartFamily:
         speeds = _extended([saddle.omega] for saddle in saddles)
         terms = _invariant(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
         values = numpy.concatenate(
-            (eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEEDS, -1)), axis=1
+            (eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEED_NODES, -1)), axis=1
         )
         steps = _extended([distance] for distance in distances)
-        self._polynomials = solved(steps ** numpy.arange(_SPEEDS), values)
+        self._polynomials = solved(steps ** numpy.arange(_SPEED_NODES), values)
 
     def at(self, distance: Any) -> SaddleChart:
         """Return the chart at a distance from the origin [rad/s]."""

@@ -44,7 +44,7 @@ from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
 
-_RESONANT = 1e-4  # relative to the eigenvalue; coefficients grow like the inverse of a divisor
+_MIN_DIVISOR = 1e-4  # relative to the eigenvalue; coefficients grow like the inverse of a divisor
 
 
 @dataclass(frozen=True)
@@ -235,7 +235,7 @@ class Saddle:
         length = self.order + 1
         carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
         step = self._power_step
-        resonant = _RESONANT * own if which == 0 else 0
+        resonant = _MIN_DIVISOR * own if which == 0 else 0
         for power in range(step, length, step):
             rest = [ctx.zero, ctx.zero, ctx.zero]
             for row in (1, 2):  # beta' = v is linear

@@ -50,7 +50,7 @@ __all__ = [
 ]
 
 _HIGHEST_ORDER = 40
-_LARGEST_ANGLE = 1000  # rad
+_MAX_ANGLE = 1000  # rad
 #: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi. A
 #: Kronecker sequence of the plastic number's powers spreads them, so that they miss no pattern of
 #: the field.
@@ -497,10 +497,8 @@ def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
         raise InputError(
             "beta and gamma of a point of the slow manifold must be numbers without pi, such as 1.2"
         )
-    if max(abs(beta.rational), abs(gamma.rational)) > _LARGEST_ANGLE:
-        raise InputError(
-            f"the angles of a point lie between -{_LARGEST_ANGLE} and {_LARGEST_ANGLE} rad"
-        )
+    if max(abs(beta.rational), abs(gamma.rational)) > _MAX_ANGLE:
+        raise InputError(f"the angles of a point lie between -{_MAX_ANGLE} and {_MAX_ANGLE} rad")
     if math.sin(beta.rational) <= 0:
         raise InputError(
             f"beta lies between 0 and pi, where the disk stands, not at {float(beta.rational):g}"

@@ -35,7 +35,7 @@ STAGES = (
 TABLEAU = [np.array(row) for row in STAGES]
 FLIGHT_STEP = 0.005
 # Seconds for which an orbit is followed to its crossings, and until it lies flat
-LONGEST_FLIGHT = 10
+MAX_FLIGHT = 10
 # Seconds to a section; a longer flight passes a saddle closer than doubles can resolve
 LONGEST = 2.8
 
@@ -147,9 +147,9 @@ def trajectory(p, smooth, given, asked):
     # flat.
     state, time, n = np.array([answers[f"{name}@0.01"] for name in names]), 0.01, 0
     side = np.sign(state[0] - pi / 2)
-    while n == 0 or (time < LONGEST_FLIGHT).any():
+    while n == 0 or (time < MAX_FLIGHT).any():
         passed, state = fly_to(
-            flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, LONGEST_FLIGHT, 0.01
+            flow, p, Omega, smooth, state, lambda s: sin(2 * s[0]), side, MAX_FLIGHT, 0.01
         )
         time, side, n = time + passed, -side, n + 1
         flat = abs(state[0] - pi / 2) > 1

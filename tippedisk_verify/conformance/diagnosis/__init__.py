@@ -4,7 +4,7 @@ A mistake in an equation changes its terms, and the answers to M a - F = 0 are l
 changes. `terms` evaluates equations that are written as sums of products, `dictionary` has them and
 what people write in their place, `regression` finds the fewest changes that give the answers, and
 `levels` applies it to the questions of levels 1 to 5. `relations` predicts wrong answers from right
-ones, and `methods` has integrators. This module asks them in turn, level by level, and separates
+ones, and `step_methods` has integrators. This module asks them in turn, level by level, and separates
 mistakes from their consequences.
 """
 
@@ -26,9 +26,9 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     base_of,
     problems,
 )
-from tippedisk_verify.conformance.diagnosis.methods import method
 from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, likelihood, made
 from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
+from tippedisk_verify.conformance.diagnosis.step_methods import method
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store

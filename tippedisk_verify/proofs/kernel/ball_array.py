@@ -58,7 +58,7 @@ from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
-__all__ = ["BallArray", "made", "quieted", "rounded"]
+__all__ = ["BallArray", "quieted", "trusted", "with_rounding"]
 
 Array = NDArray[np.float64]
 
@@ -174,7 +174,7 @@ class BallArray:
 
     def __getitem__(self, places: Any) -> BallArray:
         """Return the balls of a slice, a mask or a list of indices."""
-        return made(self._mid[places], self._rad[places])
+        return trusted(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
         """Return an empty series of the same width, reusing the memory of ``old`` if its width
@@ -194,7 +194,7 @@ class BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
-        return rounded(self._mid + b._mid, self._rad + b._rad)
+        return with_rounding(self._mid + b._mid, self._rad + b._rad)
 
     __radd__ = __add__
 
@@ -203,13 +203,13 @@ class BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
-        return rounded(self._mid - b._mid, self._rad + b._rad)
+        return with_rounding(self._mid - b._mid, self._rad + b._rad)
 
     def __rsub__(self, other: Any) -> BallArray:
         return (-self).__add__(other)
 
     def __neg__(self) -> BallArray:
-        return made(-self._mid, self._rad)
+        return trusted(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t). With |s| <= ra and |t| <= rb this is at most
     # |a| rb + ra (|b| + rb).
@@ -223,7 +223,7 @@ class BallArray:
         upper = np.abs(b._mid)
         upper += b._rad
         radius += self._rad * upper
-        return rounded(self._mid * b._mid, radius)
+        return with_rounding(self._mid * b._mid, radius)
 
     __rmul__ = __mul__
 
@@ -231,7 +231,7 @@ class BallArray:
         """Multiply by an exact float that is 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
-        return rounded(self._mid * factor, self._rad * abs(factor))
+        return with_rounding(self._mid * factor, self._rad * abs(factor))
 
     @quieted
     def square(self) -> BallArray:
@@ -242,7 +242,7 @@ class BallArray:
         radius += radius
         radius += self._rad
         radius *= self._rad
-        return rounded(self._mid * self._mid, radius)
+        return with_rounding(self._mid * self._mid, radius)
 
     @quieted
     def __truediv__(self, other: Any) -> BallArray:
@@ -257,7 +257,7 @@ class BallArray:
         of rb / d is multiplied by |q|. Hence `_TINY` in both.
         """
         if factor := _exact_float(other):
-            return rounded(self._mid / factor, self._rad / abs(factor))
+            return with_rounding(self._mid / factor, self._rad / abs(factor))
         b = _operand(other)
         distance = np.abs(b._mid)
         distance -= b._rad
@@ -267,7 +267,7 @@ class BallArray:
         radius += _TINY
         radius *= b._rad / distance + _TINY
         radius += self._rad / distance
-        return rounded(quotient, radius)
+        return with_rounding(quotient, radius)
 
     def __rtruediv__(self, other: Any) -> BallArray:
         return _operand(other) / self
@@ -299,7 +299,7 @@ class BallArray:
         error = np.where(odd, cosine_error, sine_error)
         r = self._rad
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
-        return rounded(np.where(j >= 2, -value, value), radius)
+        return with_rounding(np.where(j >= 2, -value, value), radius)
 
     def __pow__(self, power: int) -> BallArray:
         """Raise to a positive integer power, by repeated squaring."""
@@ -340,7 +340,7 @@ class BallArray:
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
-        return rounded(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
+        return with_rounding(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
         """Return a mask that is True for balls whose numbers are all positive.
@@ -382,7 +382,7 @@ def _doubles(values: Any) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def made(mid: Array, rad: Array) -> BallArray:
+def trusted(mid: Array, rad: Array) -> BallArray:
     """Return a `BallArray` that shares the given arrays, without checking or copying them.
 
     The arrays must already obey the module's rules for midpoints and radii.
@@ -392,7 +392,7 @@ def made(mid: Array, rad: Array) -> BallArray:
     return ball
 
 
-def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
+def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     """Return the result of an operation, with the midpoint's rounding added to the radius.
 
     ``radius`` is a new array, computed from the operands' radii, and is overwritten. The factor
@@ -404,7 +404,7 @@ def rounded(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     radius += rounding
     radius *= up
     radius += _TINY
-    return made(middle, np.fmin(radius, np.inf, out=radius))
+    return trusted(middle, np.fmin(radius, np.inf, out=radius))
 
 
 def _exact_float(value: Any) -> float | None:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.kernel.ball_array import BallArray, made, quieted, rounded
+from tippedisk_verify.proofs.kernel.ball_array import BallArray, quieted, trusted, with_rounding
 
 __all__ = ["BallArraySeries"]
 
@@ -19,7 +19,7 @@ Array = NDArray[np.float64]
 
 _U = 2.0**-53
 _NORMAL = 2.0**-1022
-_LONGEST = 2**16  # terms of a convolution: the count of roundings in its proof
+_MAX_TERMS = 2**16  # terms of a convolution: the count of roundings in its proof
 _CAPACITY = 24  # the initial capacity in coefficients
 
 
@@ -78,7 +78,7 @@ class BallArraySeries(Sequence[BallArray]):
             part._rows = rows[:, index]
             part._length = part._rows.shape[1]
             return part
-        return made(rows[0, index], rows[4, index])
+        return trusted(rows[0, index], rows[4, index])
 
     def __iter__(self) -> Iterator[BallArray]:
         return (self[index] for index in range(self._length))
@@ -110,9 +110,9 @@ class BallArraySeries(Sequence[BallArray]):
             )
         if k == 0:
             return 0
-        if k > _LONGEST:
-            raise ValueError(f"a convolution of more than {_LONGEST} terms is not offered")
+        if k > _MAX_TERMS:
+            raise ValueError(f"a convolution of more than {_MAX_TERMS} terms is not offered")
         a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
         middle = np.einsum("kn,kn->n", a[0], b[0])
         radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
-        return rounded(middle, radius, 1 + (4 * k + 32) * _U)
+        return with_rounding(middle, radius, 1 + (4 * k + 32) * _U)

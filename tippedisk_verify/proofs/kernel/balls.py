@@ -39,14 +39,14 @@ __all__ = [
     "ball_constants",
     "coefficient",
     "inside",
+    "intersection",
     "is_ball_array",
     "midpoint_and_radius",
-    "need",
     "negative",
     "positive",
+    "require",
     "rough",
     "series_length",
-    "shared",
     "upper",
     "whole",
     "working_bits",
@@ -55,7 +55,7 @@ __all__ = [
 
 #: Held while python-flint's context is changed; the thread that holds it may take it again.
 _CONTEXT = threading.RLock()
-_FEWEST_BITS, _MOST_BITS = 24, 1_000_000
+_MIN_BITS, _MAX_BITS = 24, 1_000_000
 
 
 class Unproved(Exception):
@@ -68,7 +68,7 @@ class DisturbedError(ArithmeticError):
     """
 
 
-def need(verified: object, what: str) -> None:
+def require(verified: object, what: str) -> None:
     """Raise Unproved, with the message ``what``, unless ``verified`` is True."""
     if verified is not True:
         raise Unproved(what)
@@ -80,9 +80,9 @@ def working_precision(bits: int) -> Iterator[None]:
 
     Another thread's block begins when this one has ended. Raises ValueError outside 24 … 1,000,000.
     """
-    if not _FEWEST_BITS <= bits <= _MOST_BITS:
+    if not _MIN_BITS <= bits <= _MAX_BITS:
         raise ValueError(
-            f"a working precision of {bits} bits is not offered: use {_FEWEST_BITS} to {_MOST_BITS}"
+            f"a working precision of {bits} bits is not offered: use {_MIN_BITS} to {_MAX_BITS}"
         )
     with _CONTEXT:
         before, ctx.prec = ctx.prec, bits
@@ -224,7 +224,7 @@ def around_zero(radius: Any) -> Any:
     return radius.around_zero() if is_ball_array(radius) else arb(0, radius)
 
 
-def shared(x: Any, y: Any) -> Any:
+def intersection(x: Any, y: Any) -> Any:
     """Return a ball that holds the intersection of ``x`` with the finite ball ``y``.
 
     Returns ``y`` if ``x`` is not finite, and NaN if the two do not meet.

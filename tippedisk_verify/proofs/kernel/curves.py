@@ -78,9 +78,9 @@ from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
     inside,
-    need,
     negative,
     positive,
+    require,
     rough,
     whole,
 )
@@ -89,7 +89,7 @@ from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
 from tippedisk_verify.proofs.kernel.reading import as_float
-from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
@@ -109,7 +109,7 @@ __all__ = [
 
 UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
 ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
-_SHORTEST_PART = 2.0**-7  # of a step in which an orbit turns
+_MIN_PART = 2.0**-7  # of a step in which an orbit turns
 
 Matrix = Sequence[Sequence[Any]]
 
@@ -181,17 +181,19 @@ class CurveReplay:
         self.log, self.number = log, 0
 
     def step(self, path: CurvePath, longest: Any) -> Step:
-        need(self.number < len(self.log), "the return is not reached: there are no further steps")
+        require(
+            self.number < len(self.log), "the return is not reached: there are no further steps"
+        )
         self.number += 1
         return path.step_of(path.trial(ORDERS), as_float(self.log[self.number - 1]["share"]))
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
-        need("axes" in log, "the axes after it are missing")
+        require("axes" in log, "the axes after it are missing")
         return [[arb(as_float(part)) for part in row] for row in log["axes"]]
 
     def took(self, step: Step, axes: Matrix | None) -> None:
-        need(
+        require(
             axes is not None or self.number == len(self.log),
             "the return is reached, and there are further steps",
         )
@@ -248,7 +250,7 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
         v = step.component(2, time).range()
         if negative(v) or positive(v):
             continue
-        if end - begin > _SHORTEST_PART:
+        if end - begin > _MIN_PART:
             middle = (begin + end) / 2
             open_parts += [(begin, middle), (middle, end)]
         else:
@@ -266,16 +268,16 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     with the number of the step that fails.
     """
     path = CurvePath(constants, curve, choices)
-    need(negative(path.box[2].range()), "v is not shown to be negative at the start")
+    require(negative(path.box[2].range()), "v is not shown to be negative at the start")
     least, turning = 0 * curve.total.c[0], []
     try:
         while True:
             step = path.step()
             assert step is not None
             beta_bar, _, v = step.enclosure
-            need(inside(beta_bar, arb(0, UPRIGHT)), "beta is not shown to stay upright")
+            require(inside(beta_bar, arb(0, BELOW_HALF_PI)), "beta is not shown to stay upright")
             passed = positive(step.at_end()[0].range())
-            need(
+            require(
                 positive(v) if passed else negative(v) or negative(beta_bar),
                 "beta is not shown to move as it must",
             )
@@ -298,13 +300,13 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
     beta = states.image(centre, rows)[0]
     early = tau + symmetric(beta.range() / step.enclosure[2])
     within = all(positive(part.range()) for part in (tau, length - tau, early, length - early))
-    need(within, "the return is not shown to lie within the step")
+    require(within, "the return is not shown to lie within the step")
     v = step.component(2, early)
     moment, own_moment = tau - beta / v, tau - states.own_image(centre, rows)[0] / v
     own = states.own_image(step.centre(own_moment), step.rows_at(own_moment))
     rows = step.rows_at(moment)
     _, gamma_bar, v = map(rough, states.image(step.centre(moment), rows))
-    need(positive(v.range()), "v is not shown to be positive at the return")
+    require(positive(v.range()), "v is not shown to be positive at the return")
     acceleration = path.model.rates((0 * v, gamma_bar, v))[2]
     by_start = states.derivatives(rows)
     time_by = [-entry / v for entry in by_start[0]]

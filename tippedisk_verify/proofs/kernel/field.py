@@ -24,7 +24,7 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
-from tippedisk_verify.proofs.kernel.balls import ball, need
+from tippedisk_verify.proofs.kernel.balls import ball, require
 
 __all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
 
@@ -64,7 +64,7 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
     Raises Unproved if no disk has these numbers.
     """
     r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
-    need(
+    require(
         0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0,
         "no disk has these parameters",
     )

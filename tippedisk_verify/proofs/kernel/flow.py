@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Protocol
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, need, rough, upper, whole
+from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, require, rough, upper, whole
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
@@ -25,9 +25,9 @@ from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
-_WIDEST = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
-_SHORTEST_STEP = 2.0**-40  # s
-_MOST_STEPS = 20_000
+_MAX_RADIUS_BITS = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
+_MIN_STEP = 2.0**-40  # s
+_MAX_STEPS = 20_000
 
 
 class FlowStatus(Enum):
@@ -183,7 +183,7 @@ class Path:
         own = self.tested
         if own is None or own.frame is not self.frame or own.length is not step.length:
             raise ValueError("the proposed step is not the latest trial of this path")
-        need(
+        require(
             own.included,
             "the states and derivatives over it are not shown to stay in its enclosure",
         )
@@ -192,9 +192,9 @@ class Path:
     def _spent(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
             return FlowStatus.NO_ENCLOSURE
-        if max(magnitude(part.rad()) for part in self.box) > -_WIDEST:
+        if max(magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
             return FlowStatus.TOO_WIDE
-        return FlowStatus.STEP_LIMIT if self.steps >= _MOST_STEPS else None
+        return FlowStatus.STEP_LIMIT if self.steps >= _MAX_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
         """Return the set of the states after ``time`` in the step, or at its end."""

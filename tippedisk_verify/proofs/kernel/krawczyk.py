@@ -24,7 +24,7 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, need
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, require
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
@@ -195,10 +195,10 @@ class StepReplay:
         self._parts: Iterator[Any] = iter(())
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        need(
+        require(
             not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0"
         )
-        need(self.number < len(self.log), f"{self.name}: its steps end before the flight does")
+        require(self.number < len(self.log), f"{self.name}: its steps end before the flight does")
         self.number, self._open = self.number + 1, True
         self._parts = iter(self.log[self.number - 1]["steps"])
         return self.next_part(path)
@@ -210,7 +210,7 @@ class StepReplay:
             return None
         length, orders = part
         step = path.trial(orders).tested(length)
-        need(
+        require(
             step.included,
             f"{self._place()}: the states and derivatives over it are not shown to "
             f"stay in its enclosure",
@@ -252,6 +252,6 @@ def replayed_test(
     if isinstance(outcome, Return):
         raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
     for flight in flights if centre is None else flights[1:]:
-        need(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
-    need(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
+        require(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
+    require(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
     return outcome

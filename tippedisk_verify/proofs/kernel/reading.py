@@ -15,7 +15,7 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     ball,
-    need,
+    require,
     working_bits,
     working_precision,
 )
@@ -35,17 +35,17 @@ __all__ = [
     "digest",
     "dyadic",
     "dyadic_text",
-    "held",
     "one_of",
     "order",
     "parsed",
     "precision",
     "radius",
+    "require_within_claim",
 ]
 
 # Bytes of a file; the largest whole number; the highest order of a series
-_LARGEST_FILE, _LARGEST_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000
-_FEWEST_BITS = 24
+_MAX_FILE, _MAX_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000
+_MIN_BITS = 24
 
 
 class Refused(Exception):
@@ -104,14 +104,14 @@ def as_float(text: str) -> float:
 
 
 def count(value: Any) -> int:
-    if type(value) is not int or not 1 <= value <= _LARGEST_COUNT:
-        raise ValueError(f"a whole number from 1 to {_LARGEST_COUNT} is needed")
+    if type(value) is not int or not 1 <= value <= _MAX_COUNT:
+        raise ValueError(f"a whole number from 1 to {_MAX_COUNT} is needed")
     return value
 
 
 def precision(value: Any) -> int:
-    if count(value) < _FEWEST_BITS:
-        raise ValueError(f"at least {_FEWEST_BITS} bits are needed")
+    if count(value) < _MIN_BITS:
+        raise ValueError(f"at least {_MIN_BITS} bits are needed")
     return int(value)
 
 
@@ -196,9 +196,9 @@ def content_of(path: str) -> Any:
         if not os.path.isfile(path):
             raise Refused("there is no such file, or it is not a regular one")
         with open(path, "rb") as stream:
-            raw = stream.read(_LARGEST_FILE + 1)
-        if len(raw) > _LARGEST_FILE:
-            raise Refused(f"it is larger than {_LARGEST_FILE} bytes")
+            raw = stream.read(_MAX_FILE + 1)
+        if len(raw) > _MAX_FILE:
+            raise Refused(f"it is larger than {_MAX_FILE} bytes")
         return json.loads(
             raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float
         )
@@ -238,7 +238,7 @@ MANNERS = {
 DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
 
 
-def held(number: Mapping[str, str], x: Any, name: str) -> None:
+def require_within_claim(number: Mapping[str, str], x: Any, name: str) -> None:
     """Raise Unproved unless the ball ``x`` lies within the half-width of the claimed ``number``.
 
     The message contains ``name``.
@@ -249,4 +249,4 @@ def held(number: Mapping[str, str], x: Any, name: str) -> None:
         within = x.is_finite() and abs(x - ball(Fraction(number["value"]))) <= ball(
             Fraction(number["uncertainty"])
         )
-    need(bool(within), f"claim: {name} is not shown to lie within its uncertainty")
+    require(bool(within), f"claim: {name} is not shown to lie within its uncertainty")

@@ -48,7 +48,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import need, positive
+from tippedisk_verify.proofs.kernel.balls import positive, require
 from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.field import FieldConstants, field
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
@@ -199,7 +199,7 @@ class ScaledCurve(Curve):
 
     def __post_init__(self) -> None:
         less = positive(1 - self.gamma_bar.range())
-        need(
+        require(
             bool(self.deviation[0] == 0) and less,
             "the square of the amplitude is not less than 1, or deviates",
         )

@@ -40,11 +40,11 @@ from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["HALF", "TURN", "UPRIGHT", "PoincareSection", "Return", "return_map"]
+__all__ = ["BELOW_HALF_PI", "HALF", "TURN", "PoincareSection", "Return", "return_map"]
 
 #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
-UPRIGHT = 1.5706999
-_MOST_CUTS = 40
+BELOW_HALF_PI = 1.5706999
+_MAX_CUTS = 40
 
 
 class PoincareSection(NamedTuple):
@@ -127,7 +127,7 @@ def return_map(
     while path.time < longest:
         length: Any = None
         tried: Round | None = None
-        for _ in range(_MOST_CUTS):
+        for _ in range(_MAX_CUTS):
             before, tried = tried, poincare_map.advance(length)
             if tried is None or tried.proved:
                 break
@@ -205,7 +205,7 @@ class PoincareMap:
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
-        upright = inside(beta, alike(beta, arb(0, UPRIGHT)))
+        upright = inside(beta, alike(beta, arb(0, BELOW_HALF_PI)))
         if self.section == TURN:
             ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
             if negative(ahead):

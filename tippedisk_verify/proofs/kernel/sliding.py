@@ -71,8 +71,8 @@ _PIECES = 16  # of a step
 # The order of gamma_y's series. Its values are differences of larger numbers, which boxes of states
 # would lose.
 _ORDER = 10
-_MOST_CUTS = 14
-_SHORTEST = 2.0**-40  # s
+_MAX_CUTS = 14
+_MIN_STEP = 2.0**-40  # s
 _CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
 _LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
@@ -201,7 +201,7 @@ class SlidingPath(Path):
         self.model = model.of_side(self.side)
 
     def step(self, longest: float | None = None) -> Step | None:
-        for _ in range(_MOST_CUTS):
+        for _ in range(_MAX_CUTS):
             step = super().step(longest)
             if step is None:
                 return None
@@ -209,7 +209,7 @@ class SlidingPath(Path):
             if followed is not None and (longest is None or followed.length <= longest):
                 return followed
             longest = (followed or step).length / 2
-            if longest < _SHORTEST or not self.side:
+            if longest < _MIN_STEP or not self.side:
                 break
         self.status = FlowStatus.GRAZING
         return None

@@ -47,11 +47,11 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     around_zero,
     inside,
+    intersection,
     is_ball_array,
     negative,
     positive,
     rough,
-    shared,
     upper,
     whole,
     working_bits,
@@ -64,7 +64,7 @@ __all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
 _MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
-_MOST_ITERATIONS = 100
+_MAX_ITERATIONS = 100
 _ALL = slice(3)
 
 
@@ -214,7 +214,7 @@ def enclosed_moment(
     the zero is.
     """
     moment = span
-    for _ in range(_MOST_ITERATIONS):
+    for _ in range(_MAX_ITERATIONS):
         guess, reach = moment.mid(), moment.rad()
         if not (positive(guess) and positive(step.length - guess)):
             return None
@@ -223,7 +223,7 @@ def enclosed_moment(
             moment = guess.union(guess - reach)
         elif negative(there):
             moment = guess.union(guess + reach)
-        moment = shared(guess - there / slope, moment)
+        moment = intersection(guess - there / slope, moment)
         # At worst a step halves it, up to rounding
         if not 1.5 * upper(moment.rad()) < upper(reach):
             break

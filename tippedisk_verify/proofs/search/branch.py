@@ -28,14 +28,14 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 )
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.connection import ProvedConnection
+from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection
 
 __all__ = ["BranchProof", "omega_crit"]
 
 _BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
-_PLACES = 9  # of the share and of the speed at the end, rounded to the safe side
+_DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
 @dataclass(frozen=True, repr=False)
@@ -82,7 +82,7 @@ class BranchProof(Proof):
         """
         if not self.hopf_closed:
             return None
-        unit = 10**_PLACES
+        unit = 10**_DECIMALS
         return Fraction(-(-self.pieces[-1].speeds(self.pieces[-1].high)[1] * unit // 1), unit)
 
     @property
@@ -102,7 +102,7 @@ class BranchProof(Proof):
             return None
         # It grows with Omega_crit and with Omega_h.
         top, bottom = _least(omega_crit(self.parameters)), _least(known)
-        unit = 10**_PLACES
+        unit = 10**_DECIMALS
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
     @property

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, cast
 
 from tippedisk_verify.model.decimals import exact_text, rounded_up
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, need, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     Piece,
@@ -54,11 +54,11 @@ __all__ = [
 ]
 
 BITS, _DEGREE = 64, 4
-_PLACES = 16  # decimals of the polynomials' coefficients
+_DECIMALS = 16  # decimals of the polynomials' coefficients
 # First radii of the box, relative to the family's motion over it
-_SHARES = Fraction(1, 300), Fraction(1, 100)
-_LEAST = Fraction(1, 10**12)  # a box's radius [rad/s]
-_MOST_ATTEMPTS = 3
+_BOX_SHARES = Fraction(1, 300), Fraction(1, 100)
+_MIN_RADIUS = Fraction(1, 10**12)  # a box's radius [rad/s]
+_MAX_ATTEMPTS = 3
 #: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
 #: (for a scaled piece, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
@@ -67,11 +67,11 @@ _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 Guess = tuple[Fraction, Fraction, Fraction]
 Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and choices
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
-_FIRST_SHARE, _LONGEST_SHARE = 0.01, 0.03  #: of the time of flight, for a step
-_MOST_STEPS, _MOST_TRIALS = 2000, 15
+_FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  #: of the time of flight, for a step
+_MAX_STEPS, _MAX_TRIALS = 2000, 15
 _NEWTON_STEPS = 8
-_TINY = 2.0**-20  # of a number's step, for a derivative of points
-_POLISHES = 3  # chord steps towards the cycle at s = 0
+_DIFFERENCE_SHARE = 2.0**-20  # of a number's step, for a derivative of points
+_CHORD_STEPS = 3  # chord steps towards the cycle at s = 0
 
 
 class StepSearch:
@@ -87,9 +87,9 @@ class StepSearch:
 
     def step(self, path: CurvePath, longest: Any) -> Step:
         """Return a step with small remainders; the return lies in it or well beyond it."""
-        need(len(self.log) < _MOST_STEPS, "the flight takes too many steps")
+        require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
         trial = path.trial(ORDERS)
-        for _ in range(_MOST_TRIALS):
+        for _ in range(_MAX_TRIALS):
             text = self._next()
             share = float(text)
             step = path.step_of(trial, share)
@@ -145,10 +145,10 @@ def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
     orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
     total = curve.total
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         series = orbit.coefficients(state, ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_LONGEST_SHARE, _reach(series) / float(total.c[0].mid()))
+        reach = min(_MAX_SHARE, _reach(series) / float(total.c[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
@@ -201,7 +201,7 @@ def family_polynomials(
     chord = inverse(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
     half = Jet([total])
-    for k in (*[0] * _POLISHES, *range(1, degree + 1)):
+    for k in (*[0] * _CHORD_STEPS, *range(1, degree + 1)):
         if len(polynomials[0]) == k:
             for part in polynomials:
                 part.append(zero)
@@ -236,7 +236,7 @@ def family_rows(
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
         raise Stopped(ArcStatus.NOT_FOLLOWED)
-    rows = [tuple(round(measured(part.mid()).value, _PLACES) for part in jet.c) for jet in jets]
+    rows = [tuple(round(measured(part.mid()).value, _DECIMALS) for part in jet.c) for jet in jets]
     return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
@@ -245,10 +245,13 @@ def _slope(
 ) -> list[Any]:
     """Approximate the derivative of F with respect to the number with the index ``moving``."""
     zero = 0 * point[0]
-    first, v, speed = (Jet([part, zero + _TINY * int(moving == j)]) for j, part in enumerate(point))
+    first, v, speed = (
+        Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
+    )
     image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
     return [
-        (part.c[1] / _TINY).mid() - own[moving] for part, own in zip(image, kind.unit, strict=True)
+        (part.c[1] / _DIFFERENCE_SHARE).mid() - own[moving]
+        for part, own in zip(image, kind.unit, strict=True)
     ]
 
 
@@ -270,8 +273,8 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
 
     Raises Stopped if none passes.
     """
-    for _ in range(_MOST_ATTEMPTS):
-        choices, sizes = StepSearch(), [two_digits(max(radius, _LEAST)) for radius in radii]
+    for _ in range(_MAX_ATTEMPTS):
+        choices, sizes = StepSearch(), [two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
         try:
             arc = test(sizes, choices)
         except Unproved:
@@ -309,8 +312,10 @@ def prove_piece(
                 "half": rows.texts[2],
             }
             test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
-            radii = [abs(row[1]) * share for row, share in zip(rows.numbers, _SHARES, strict=True)]
-            for _ in range(_MOST_ATTEMPTS):
+            radii = [
+                abs(row[1]) * share for row, share in zip(rows.numbers, _BOX_SHARES, strict=True)
+            ]
+            for _ in range(_MAX_ATTEMPTS):
                 box = boxed(test, radii)
                 if (refusal := signs(box.arc)) is None:
                     break
@@ -326,8 +331,8 @@ def prove_piece(
             return refusal
         unique, evidence = box, arc | {"bits": BITS, "box": box.evidence}
         # The box of uniqueness may be wider than the box of the signs.
-        room = max(Fraction(22, 7) - high, _LEAST) if low else Fraction(1)
-        slopes = [max(abs(row[1]) / length, _LEAST) for row in rows.numbers]
+        room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
+        slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in rows.numbers]
         for share in _WIDE_SHARES:
             wide, choices = [two_digits(slope * room * share) for slope in slopes], StepSearch()
             with suppress(Unproved):

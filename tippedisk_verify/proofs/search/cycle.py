@@ -41,8 +41,8 @@ _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
 _FIRST_BITS = 96
 _REMOTE_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
 _REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
-_MOST_ITERATIONS = 25
-_MOST_ATTEMPTS = 6
+_MAX_ITERATIONS = 25
+_MAX_ATTEMPTS = 6
 
 
 class OrbitStatus(Enum):
@@ -207,7 +207,7 @@ class Attempt:
 
     def run(self, guess: Sequence[Any]) -> OrbitProof:
         middle = self.sharpened(guess)
-        for _ in range(_MOST_ATTEMPTS):
+        for _ in range(_MAX_ATTEMPTS):
             with working_precision(self.bits):
                 at, drift = cycle.place(self.setting, middle)
                 fixed, evidence = self.tested(at, drift, self.box_bits)
@@ -261,7 +261,7 @@ class Attempt:
         matrix: Any = None
         # -log2 of the last step's size relative to the state, and of the matrix's error
         correct, gain = 0, 0
-        for _ in range(_MOST_ITERATIONS):
+        for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = return_map(
                     self.model(), self.section, state, Steps(), derivatives=matrix is None
@@ -295,7 +295,7 @@ class Attempt:
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
         raise Stopped(
-            OrbitStatus.NOT_CONVERGED, f"after {_MOST_ITERATIONS} steps of Newton's iteration"
+            OrbitStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
         )
 
     def neighbourhood(

@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball,
     ball_constants,
-    need,
+    require,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
@@ -38,10 +38,10 @@ __all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
 _GUARD_BITS = 60
 # The arc's length has this many digits more than half the requested ones, because enclosures of
 # derivatives over it are wide.
-_SHORTER = 5
-_SLOPE = 8  # of v along the arc [1/s], at first
+_ARC_DIGITS = 5
+_FIRST_SLOPE = 8  # of v along the arc [1/s], at first
 # First radius of Omega's enclosure over the arc, in units of the squared half-length
-_EXCESS = 2**26
+_FIRST_WIDTH = 2**26
 _INFLATIONS = 3
 _CHORDS = 12
 
@@ -99,18 +99,18 @@ def prove_fold(
     digits = checked_digits(digits)
     p, v, omega = (Measured.of(part, 0).value for part in near)
     # On the arc the speed moves by its squared half-length.
-    places = math.ceil(digits / 2) + _SHORTER
+    places = math.ceil(digits / 2) + _ARC_DIGITS
     # The printed arc is exactly the tested one, so its middle has no more decimals than its
     # half-length.
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
     # Enough for the squared half-length, with a margin
-    bits = bits_for_digits(digits + 2 * _SHORTER + 4) + _GUARD_BITS
+    bits = bits_for_digits(digits + 2 * _ARC_DIGITS + 4) + _GUARD_BITS
     attempt = _Attempt(section, parameters, (v, omega), arc)
     with working_precision(bits):
         try:
             extremum, values = attempt.run()
             faint = f"the speed is not enclosed to {digits} digits: ask for more"
-            need(values["omega"].uncertainty <= values["omega"].value / 10**digits, faint)
+            require(values["omega"].uncertainty <= values["omega"].value / 10**digits, faint)
         except Unproved as fault:
             return FoldProof(section, str(fault), parameters, bits)
     return FoldProof(
@@ -164,7 +164,7 @@ class _Attempt:
         """
         m, sizes = (
             [ball(part).mid() for part in self.near],
-            [(_SLOPE * length).mid(), (_EXCESS * length**2).mid()],
+            [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()],
         )
         for _ in range(1 + _INFLATIONS):
             fixed = self.test("arc", arc, m, sizes)
@@ -203,7 +203,9 @@ class _Attempt:
         else:
             raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
         fixed = self.test(name, end, m, sizes, (search, flight))
-        need(fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box")
+        require(
+            fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box"
+        )
         return fixed
 
     def test(

@@ -27,13 +27,13 @@ __all__ = ["Steps", "axes_of_balls", "midpoint_inverse", "searched_test"]
 
 Matrix = Sequence[Sequence[Any]]
 
-_LEAST_ORDER = 16  # of derivatives that only multiply radii
+_MIN_ORDER = 16  # of derivatives that only multiply radii
 #: Over a wide box, the order of the series and the decay along v in a step. Balls add up
 #: alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
 _WIDE_ORDER, _DAMPED = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
-_SHORTEST_STEP = 2.0**-40  # s
-_MOST_TRIALS = 40
+_MIN_STEP = 2.0**-40  # s
+_MAX_TRIALS = 40
 _AXIS_BITS = 30
 
 
@@ -64,9 +64,7 @@ class Steps:
         bits = working_bits()
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
-        rough_order = (
-            min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _LEAST_ORDER
-        )
+        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _MIN_ORDER
         trial = path.trial((order, rough_order))
         if rough_order < order:
             stiffness = float(abs(trial.wide[11][1]).abs_upper())
@@ -75,9 +73,9 @@ class Steps:
             )
         sizes = [max(0, magnitude(column[0])) for column in trial.wide[3:]]
         reach, share = _length(trial.thin, allowed), self._share
-        for _ in range(_MOST_TRIALS):
+        for _ in range(_MAX_TRIALS):
             length = short_float(min(reach * share, longest if longest is not None else math.inf))
-            if length < _SHORTEST_STEP:
+            if length < _MIN_STEP:
                 return None
             step = trial.tested(length)
             fine, rough = (
@@ -131,7 +129,7 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
     return allowed, max(-bits, max(magnitude(part.rad()) for part in path.box) - 7)
 
 
-def _order(bits: int, least: int = _LEAST_ORDER) -> int:
+def _order(bits: int, least: int = _MIN_ORDER) -> int:
     """Return the order of a series near the flat optimum, 0.3 bits.
 
     The cost grows like its square, and the step's length like 2^(-bits/order).

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, need, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates import (
     connection,
     connection_cycles,
@@ -70,7 +70,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
             "sha256": str,
         }
         file = parsed(content, shape, "the file")
-        need(content["sha256"] == digest(content), "the content does not have its digest, sha256")
+        require(
+            content["sha256"] == digest(content), "the content does not have its digest, sha256"
+        )
         reader = ClaimReader(file["claim"])
         extra = (mapped,) if KINDS[kind] is family else ()
         try:
@@ -79,7 +81,7 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
             raise Unproved(f"the computation with its choices fails: {fault}") from None
     # The kind has chosen the test. Members of `DISK` that a kind narrows were tested on reading.
     untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK.keys())
-    need(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
+    require(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 
 

@@ -33,18 +33,18 @@ from typing import Any
 
 from flint import arb, arb_mat
 
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need, positive
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    ask,
+    abs_upper,
     block,
     cones,
     leaving,
-    most,
+    require_positive,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
 from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
@@ -57,8 +57,8 @@ __all__ = [
     "SIDES",
     "EnclosedConnection",
     "Recorded",
-    "alone",
-    "holds",
+    "one_speed_stays",
+    "room_keeps_orbits",
     "sentence",
     "verify",
     "verify_connection",
@@ -70,7 +70,7 @@ EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
 SIDES = "6.3: the ends of the interval are not shown to pass on opposite sides"
 
 _PIECES = 8  # of a step, for properties all along it
-_UPRIGHT = Fraction("1.5707")
+_BELOW_HALF_PI = Fraction("1.5707")
 
 _CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
 #: The choices. The speeds, the box of the statement and the eigenvalues are the claim's.
@@ -116,7 +116,7 @@ def verify_connection(
     which each may depend. Raises Unproved with the inequality that fails.
     """
     middle, half = omega_h
-    need(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
+    require(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
     low, high = middle - half, middle + half
     speeds = ball(middle) + arb(0, ball(half).upper())
     saddle = SaddleCoordinates(disk, friction, speeds, choose("directions"))
@@ -138,7 +138,7 @@ def verify_connection(
     extents = choose("block", z, arriving)
     delta, box, matrix = block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
-    ask(
+    require_positive(
         "6.3: arrivals lie in the block",
         *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)),
     )
@@ -147,14 +147,14 @@ def verify_connection(
     ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
     first, last = (arriving.straightened(end)[0] for end in ends)
     rising = _surely(-first - delta, last - delta)
-    need(rising or _surely(first - delta, -last - delta), SIDES)
+    require(rising or _surely(first - delta, -last - delta), SIDES)
     offset = saddle.offset(box)
     room = choose("room", offset, pieces, saddle, G)
-    need(
-        holds(room, offset, pieces),
+    require(
+        room_keeps_orbits(room, offset, pieces),
         "6.3: the box at the second saddle is not shown to keep what arrives",
     )
-    unique = alone(saddle, room, G, choose)
+    unique = one_speed_stays(saddle, room, G, choose)
     upright = upright and _stands(ball(room[0]))
     return EnclosedConnection(
         disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces
@@ -162,7 +162,7 @@ def verify_connection(
 
 
 def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
-    need(
+    require(
         ("side" in entry) == saddle.two_sided,
         "6.5: the smooth law has sides, the linear law does not",
     )
@@ -187,19 +187,26 @@ def _departure(
     start, whole, matrix = leaving(curve, theta, cone, defect)
     by_speed = saddle.field(whole, curve.side)[2]
     _, k_s, k_f = weights = choose("drift", matrix, by_speed)
-    ask("6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed))
+    require_positive(
+        "6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed)
+    )
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
     rows, slopes = saddle.directions.tolist(), curve.steepness(arb(0).union(theta))
-    directions = [slope + arb(0, most(k)) for slope, k in zip(slopes, cone, strict=True)]
+    directions = [slope + arb(0, abs_upper(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
-        ask(
+        require_positive(
             "6.1: gamma grows where the branch leaves",
             row[UNSTABLE] + sum((row[k] * x for k, x in along), arb(0)),
         )
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
-    return start, [arb(0), arb(0, most(k_s)), arb(0, most(k_f)), arb(1)], _stands(offset[0]), state
+    return (
+        start,
+        [arb(0), arb(0, abs_upper(k_s)), arb(0, abs_upper(k_f)), arb(1)],
+        _stands(offset[0]),
+        state,
+    )
 
 
 def _surely(*balls: Any) -> bool:
@@ -207,7 +214,7 @@ def _surely(*balls: Any) -> bool:
 
 
 def _stands(beta: Any) -> bool:
-    return _surely(ball(_UPRIGHT) - abs(beta))
+    return _surely(ball(_BELOW_HALF_PI) - abs(beta))
 
 
 def _parts(step: Step) -> list[Any]:
@@ -216,7 +223,9 @@ def _parts(step: Step) -> list[Any]:
     return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
 
 
-def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]) -> bool:
+def room_keeps_orbits(
+    room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
+) -> bool:
     """Return True if the box ``room`` holds a block's offsets, and all orbits from their first
     arrival in the box on.
     """
@@ -232,7 +241,7 @@ def holds(room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
     return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
 
 
-def alone(
+def one_speed_stays(
     saddle: SaddleCoordinates,
     room: Sequence[Fraction],
     G: Sequence[Any],
@@ -245,7 +254,9 @@ def alone(
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
     matrix = arb_mat(slopes)
-    ask("6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1))))
+    require_positive(
+        "6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1)))
+    )
     weights = choose("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
     return _surely(*weights, *inside, *cones(matrix, weights, by_speed))
@@ -281,7 +292,7 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
             p = ((x + a_2) * x + a_1) * x + a_0
             signs.append(int(positive(p)) - int(positive(-p)))
     ends = [x for value, half in claimed for x in (value + half, value - half)]
-    need(
+    require(
         ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1],
         "claim: the eigenvalues are not shown",
     )
@@ -341,8 +352,10 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     verified = verify_connection(
         claim["parameters"], claim["friction"], numbers["omega_h"], choices
     )
-    need(not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown")
-    need(
+    require(
+        not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown"
+    )
+    require(
         not claim["upright"] or verified.upright,
         "claim: that the disk never lies flat is not shown",
     )

@@ -126,7 +126,7 @@ import numpy as np
 from flint import arb
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import ball, need, positive
+from tippedisk_verify.proofs.kernel.balls import ball, positive, require
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
@@ -139,9 +139,9 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    ask,
-    most,
+    abs_upper,
     products,
+    require_positive,
 )
 from tippedisk_verify.proofs.kernel.reading import (
     LAWS,
@@ -243,11 +243,11 @@ def verify_cycles(
     Raises:
         Unproved: With the inequality that fails.
     """
-    need(
+    require(
         not LAWS[connection.friction].two_sided,
         "the cycles are proved under the linear friction law only",
     )
-    need(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
+    require(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
     box = choose("box")
     speeds = ball(low).union(ball(high))
     n = Passage(
@@ -270,38 +270,44 @@ class LoopMap:
     def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
         self.n, self.lid, self.fast, self.weight = n, entry["lid"], entry["fast"], entry["weight"]
         c, d = (ball(entry[name]) for name in ("gamma", "v"))
-        ask("7a.1: the extents of D and Q and the weight w", self.lid, self.fast, c, d, self.weight)
+        require_positive(
+            "7a.1: the extents of D and Q and the weight w", self.lid, self.fast, c, d, self.weight
+        )
         (u, s, t), saddle = n.extents, n.saddle
         #: bounds of |g| on z_s = -s, and of |z_u| along the orbits of the graph from there
         edge = n.flat * s
-        ask(
+        require_positive(
             "7a.1: D and the graph",
             n.thin * s - self.fast,
             s - self.fast,
             u - self.lid,
             self.lid - edge,
         )
-        ask(
+        require_positive(
             "7a.1: the fast part in N",
             n.stirred_within - n.forcing[1] - self.fast,
             s - n.forcing[1] - self.fast,
         )
         self.time = n.time(self.lid + edge)
-        ask("7a.2: a passage takes time", self.time)
+        require_positive("7a.2: a passage takes time", self.time)
         crossing = n.crossing(self.lid, self.fast, entry["moment"])
-        ask(
+        require_positive(
             "7a.4: crossings lie in Q",
             c - crossing * n.at_crossing(1),
             d - crossing * n.at_crossing(2),
         )
         # Q = {-a by_gamma - b by_v: 0 < a <= c, 0 < b <= d}.
         by_gamma, by_v = ([saddle.inverse[k, j] for k in range(3)] for j in (1, 2))
-        a, b = (arb(0).union(most(x)) for x in (c, d))
-        corner = [most(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
-        ask("7a.4: Q lies in N", *(extent - x for extent, x in zip(n.extents, corner, strict=True)))
+        a, b = (arb(0).union(abs_upper(x)) for x in (c, d))
+        corner = [abs_upper(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
+        require_positive(
+            "7a.4: Q lies in N", *(extent - x for extent, x in zip(n.extents, corner, strict=True))
+        )
         for x in (by_gamma, by_v):
-            ask("7a.4: Q lies below the graph", x[U] - n.flat * abs(x[S]).max(abs(x[F])))
-        ask("7a.4: the sign of z_s in Q", by_gamma[S])
+            require_positive(
+                "7a.4: Q lies below the graph", x[U] - n.flat * abs(x[S]).max(abs(x[F]))
+            )
+        require_positive("7a.4: the sign of z_s in Q", by_gamma[S])
         # Where orbits from D and Q leave N: z_s about the saddle that they fly from, and |z_f|.
         time = n.time(corner[U] + n.flat * corner[S].max(corner[F]))
         (slow, fast), (slow_q, fast_q) = (
@@ -311,12 +317,14 @@ class LoopMap:
         back, _ = n.fallen(d * abs(by_v[S]), self.fast, time)
         self.exits, self.exit_fast = (-back, slow.max(slow_q)), arb(0, fast.max(fast_q))
         self.leaving = [-u, (-self.exits[0]).union(-self.exits[1]), self.exit_fast]
-        ask("7a.1: beta_bar where N is left", -saddle.offset(self.leaving)[0])
-        ask(
+        require_positive("7a.1: beta_bar where N is left", -saddle.offset(self.leaving)[0])
+        require_positive(
             "7a.4: gamma where N is left upwards",
-            saddle.offset([u, arb(0, most(s)), arb(0, most(t))])[1],
+            saddle.offset([u, arb(0, abs_upper(s)), arb(0, abs_upper(t))])[1],
         )
-        ask("7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s)
+        require_positive(
+            "7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s
+        )
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
         """Show the inequalities of R, given the arrivals of all flights, and return kappa.
@@ -326,31 +334,32 @@ class LoopMap:
         n, w = self.n, self.weight
         (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = n.extents, n.steep, n.compound
         (unstable, *by_u), (fast, *by_f), (_, *by_t), (beta, *by_b) = arrivals
-        ask(LID, unstable + self.lid)
-        ask("7a.3: arrivals in D", u - abs(unstable), self.fast - abs(fast))
+        require_positive(LID, unstable + self.lid)
+        require_positive("7a.3: arrivals in D", u - abs(unstable), self.fast - abs(fast))
         entering, leaving = (
-            n.rates([(-self.lid).union(n.flat * s), -s, arb(0, most(self.fast))]),
+            n.rates([(-self.lid).union(n.flat * s), -s, arb(0, abs_upper(self.fast))]),
             n.rates(self.leaving),
         )
         speed = -leaving[U]
-        ask("7a.1: orbits enter N and leave it", entering[S], speed)
+        require_positive("7a.1: orbits enter N and leave it", entering[S], speed)
 
         def after_round(d: Sequence[Any]) -> list[Any]:
             """Return bounds of the variation after one round."""
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
-            return [most(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
+            return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
-        both = after_round([arb(0, 1), arb(0), arb(0, most(w))])
-        kappa = both[0].max(most(both[1] / w))
-        ask("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
-        ask("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
+        both = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
+        kappa = both[0].max(abs_upper(both[1] / w))
+        require_positive("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
+        require_positive("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
         ratio = n.ratio(self.time)
         height = n.lipschitz * (abs(by_f[0]) + abs(by_f[1]) * ratio)
-        ask("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
+        require_positive("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
         moved = [
-            row[0] * arb(0, most(k_s)) + row[1] * arb(0, most(k_f)) + row[2] for row in (by_u, by_f)
+            row[0] * arb(0, abs_upper(k_s)) + row[1] * arb(0, abs_upper(k_f)) + row[2]
+            for row in (by_u, by_f)
         ]
-        ask(
+        require_positive(
             "7a.3: the branch's arrivals fall",
             -moved[0] - k_u,
             -moved[0] - k_u / k_f * abs(moved[1]),
@@ -358,44 +367,52 @@ class LoopMap:
         # The derivatives of R's fixed point with respect to the speed. The second row of 1 - DR
         # shows |z_f'| <= slope |z_u'| + offset; the first one then bounds |z_u'|.
         first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
-        drift = [arb(0, most(x / speed)) for x in n.drift[:2]]
+        drift = [arb(0, abs_upper(x / speed)) for x in n.drift[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]
         own = 1 - second[1]
-        ask("7a.5: 1 - DR is regular", own)
+        require_positive("7a.5: 1 - DR is regular", own)
         slope, offset = first[1] / own, second[0] * (abs(rest[1]) / own)
         room = 1 - first[0] - second[0] * slope
         falls = -rest[0]
-        ask("7a.5: the cycle's entry falls", room, falls - offset)
+        require_positive("7a.5: the cycle's entry falls", room, falls - offset)
         slowest, fastest = (
             ((falls - offset) / (1 + second[0] * slope)).lower(),
             ((falls + offset) / room).upper(),
         )
-        share = arb(0, most(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
-        ask("7a.5: the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
+        share = arb(0, abs_upper(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
+        require_positive("7a.5: the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
         twisted = abs(entering[U] * share - entering[F])
-        ask(
+        require_positive(
             "7a.5: the compound's cone of the derivative",
             k_1 * entering[S] - twisted,
             k_2 - abs(share),
         )
         row = [n.saddle.directions[1, k] for k in range(3)]
-        ask("7a.5: gamma_bar_0 falls", row[U] - (abs(row[S]) * k_s + abs(row[F]) * k_f) / k_u)
+        require_positive(
+            "7a.5: gamma_bar_0 falls", row[U] - (abs(row[S]) * k_s + abs(row[F]) * k_f) / k_u
+        )
         b = n.settled([x * fastest for x in products(entering, (arb(1), arb(0), share))], self.time)
         exits = [
             arb(0).union(b[0] / speed) + drift[0],
-            arb(0, most(b[1] / speed)) + drift[1],
+            arb(0, abs_upper(b[1] / speed)) + drift[1],
             arb(1),
         ]
         gained = (slowest * (n.grows[0] * self.time).exp() / speed).lower()
-        ask(
+        require_positive(
             "7a.5: the period falls",
             gained - abs(sum(x * y for x, y in zip(by_t, exits, strict=True))),
         )
-        ask("7a.5: beta_max falls", -sum(x * y for x, y in zip(by_b, exits, strict=True)))
+        require_positive(
+            "7a.5: beta_max falls", -sum(x * y for x, y in zip(by_b, exits, strict=True))
+        )
         inside = n.saddle.offset(
-            [arb(0, most(u)), arb(0, most(s)), arb(0, most(n.forcing[1] + self.fast))]
+            [
+                arb(0, abs_upper(u)),
+                arb(0, abs_upper(s)),
+                arb(0, abs_upper(n.forcing[1] + self.fast)),
+            ]
         )[0]
-        ask("7a.5: beta_max is in the flight", beta - abs(inside))
+        require_positive("7a.5: beta_max is in the flight", beta - abs(inside))
         return kappa
 
 
@@ -411,7 +428,7 @@ def _flights(
     ``entry`` contains the lengths of steps, with one row for each cell of speeds.
     """
     rows, (least, largest) = entry["lengths"], loop_map.exits
-    need(bool(rows) and all(rows), "7a.1: there are no flights")
+    require(bool(rows) and all(rows), "7a.1: there are no flights")
     speeds, slow = [], []
     for i, row in enumerate(rows):
         ends = [ball(low + (high - low) * Fraction(i + k, len(rows))) for k in (0, 1)]
@@ -442,14 +459,14 @@ def _connected(n: Passage, connection: EnclosedConnection) -> None:
     """
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
-    ask("7a.3: the connection's box lies in N", u - abs(box[U]))
+    require_positive("7a.3: the connection's box lies in N", u - abs(box[U]))
     states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
-    need(first > 0, "7a.3: the connection is not shown to come from outside of N")
+    require(first > 0, "7a.3: the connection is not shown to come from outside of N")
     for _, z in states[first:]:
-        ask("7a.3: the connection stays in N", u - abs(z[U]), t - abs(z[F]))
+        require_positive("7a.3: the connection stays in N", u - abs(z[U]), t - abs(z[F]))
     for beta, _ in states[1:]:  # `connection` shows it in the first box, at the saddle
-        ask("7a.3: gamma grows along the connection", beta.sin())
+        require_positive("7a.3: gamma grows along the connection", beta.sin())
 
 
 SHAPES = {

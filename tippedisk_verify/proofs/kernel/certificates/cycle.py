@@ -18,9 +18,9 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball,
-    need,
     negative,
     positive,
+    require,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
@@ -31,9 +31,9 @@ from tippedisk_verify.proofs.kernel.reading import (
     count,
     decimal,
     dyadic,
-    held,
     one_of,
     precision,
+    require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
 
@@ -186,10 +186,10 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
     for name, number in claim["numbers"].items():
-        held(number, numbers[name], name)
-    need(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
+        require_within_claim(number, numbers[name], name)
+    require(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
     if LAWS[claim["friction"]].two_sided:
-        need(
+        require(
             claim.get("reversals") == reversals(section, fixed),
             "claim: the sliding reversals are not shown",
         )
@@ -199,7 +199,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
             test("wide box", fixed.centre)
     for name, room in zip(UNKNOWNS[section], apart(fixed, widest), strict=True):
         least = ball(claim["unique_within"][name])
-        need(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
+        require(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball,
     midpoint_and_radius,
-    need,
+    require,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
@@ -42,10 +42,10 @@ from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.reading import (
     MEASURED,
     decimal,
-    held,
     one_of,
     parsed,
     precision,
+    require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
 
@@ -72,7 +72,7 @@ __all__ = [
 
 #: True for a family that reaches up to the connection
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
-_ROOMS = ("v_0_per_gamma_bar_0", "v_0", "omega")
+_UNIQUENESS_KEYS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
 STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
 BOX = {"radii": [decimal, 2], "steps": STEPS}
@@ -180,11 +180,11 @@ def box_test(
         Unproved: If the flight fails.
     """
     high = Fraction(arc["end"])
-    need(0 <= low < high, "its end is not above its beginning")
+    require(0 <= low < high, "its end is not above its beginning")
     begin, end = (low, high) if low else (low, high**2)
     first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
-    need(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
-    need(min(radii) > 0, "a box is empty: a radius is not positive")
+    require(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
+    require(min(radii) > 0, "a box is empty: a radius is not positive")
     parameter = Jet(
         [ball((begin + end) / 2), ball((end - begin) / 2), *[arb(0)] * (half.degree - 1)]
     )
@@ -216,14 +216,14 @@ def verify_piece(job: Job) -> Piece:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
                 tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
-                need(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
+                require(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else signs(tests[0])
-                need(refusal is None, refusal.value if refusal else "")
+                require(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
         within = [upper_bound(off) for off in tests[0].within]
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
-    need(
+    require(
         all(a <= b for a, b in zip(*boxes, strict=True)),
         f"arc {number}: the wide box does not hold the other one",
     )
@@ -314,7 +314,7 @@ def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         "friction": one_of("linear"),
         "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
         **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
-        "unique_within": dict.fromkeys(_ROOMS, decimal),
+        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, decimal),
     }
     evidence: dict[str, Any] = {"arcs": [ARC, None]}
     if whole:
@@ -335,29 +335,29 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
     pieces = list(mapped(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
-    need(not fault, fault)
+    require(not fault, fault)
     for name, amplitude in (
         ("amplitude_first", pieces[0].high),
         ("amplitude_end", pieces[-1].high),
     ):
-        need(
+        require(
             Fraction(claim[name]) == amplitude,
             f"claim: {name} is not the amplitude at which an arc ends",
         )
     highest = pieces[-1].speeds(pieces[-1].high)[1]
-    need(
+    require(
         highest <= Fraction(claim["omega_end"]),
         "claim: omega_end is not shown to lie above the last cycle's speed",
     )
-    held(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
-    for name, room in zip(_ROOMS, unique_within(pieces), strict=True):
-        need(
+    require_within_claim(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
+    for name, room in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
+        require(
             room >= Fraction(claim["unique_within"][name]) > 0,
             f"claim: it is not shown that no other {name} is so near",
         )
     if KINDS[claim["kind"]]:
         meets = connection_cycles.verify(claim, evidence["end"]).meets(*last_cycle(pieces))
-        need(meets, "the last arc is not shown to run into the cycles next to the connection")
+        require(meets, "the last arc is not shown to run into the cycles next to the connection")
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:

@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Literal
 
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, need, negative, positive
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, negative, positive, require
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, held, one_of
+from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of, require_within_claim
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection
 
 __all__ = [
@@ -74,24 +74,26 @@ def judge(
     for point, name in zip(points[1:], POINTS[1:], strict=True):
         # The arc's box holds one cycle only.
         deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
-        need(
+        require(
             all(inside(x - y, r) for x, y, r in deviations),
             f"{name}: the cycle is not shown to be the arc's",
         )
-    need(
+    require(
         extremum(*map(slope, points[1:])) == claim["extremum"],
         "claim: the speed has no such extremum",
     )
-    need(negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1")
+    require(
+        negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1"
+    )
     for name, x, middle, room in zip(
         (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
     ):
-        held(numbers[name], x, name)
+        require_within_claim(numbers[name], x, name)
         # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
         # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
-        need(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
-    held(numbers["period"], section.laps * whole.box.time, "period")
+        require(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
+    require_within_claim(numbers["period"], section.laps * whole.box.time, "period")
 
 
 _POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
@@ -121,7 +123,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][UNKNOWNS[section][0]]
     place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
-    need(half > 0, f"claim: {UNKNOWNS[section][0]} is not an interval")
+    require(half > 0, f"claim: {UNKNOWNS[section][0]} is not an interval")
     points = []
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]

@@ -101,27 +101,27 @@ from flint import arb, arb_mat
 from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, need
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, require
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    ask,
+    abs_upper,
     cones,
     hull_of_array,
-    most,
-    others,
+    off_diagonal_sums,
     products,
+    require_positive,
 )
 from tippedisk_verify.proofs.kernel.flow import Model, Path
-from tippedisk_verify.proofs.kernel.section import UPRIGHT
+from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = ["Passage", "arrivals"]
 
 U, S, F = UNSTABLE, SLOW, FAST
-_MOST_CELLS, _AT_ONCE = 2**18, 2**11  # cells; in one array
+_MAX_CELLS, _AT_ONCE = 2**18, 2**11  # cells; in one array
 _ORDER = 8  # of the flights' series
 
 
@@ -135,9 +135,9 @@ class Passage:
         self, saddle: SaddleCoordinates, extents: Sequence[Any], cells: Sequence[int]
     ) -> None:
         self.saddle, self.extents = saddle, list(extents)
-        ask("7a.1: the extents", *self.extents)
+        require_positive("7a.1: the extents", *self.extents)
         n, m = cells
-        need(n * n * m <= _MOST_CELLS, "there are too many cells")
+        require(n * n * m <= _MAX_CELLS, "there are too many cells")
         #: the largest |z_f| for which `stirred` is a bound
         self.stirred_within = self.extents[F] / m
         i, j, k = (
@@ -161,7 +161,9 @@ class Passage:
             stirred += mixed
             for shell in np.unique(shells[block]):
                 whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
-        self.stirred = [most(reduce(arb.union, column)) for column in zip(*stirred, strict=True)]
+        self.stirred = [
+            abs_upper(reduce(arb.union, column)) for column in zip(*stirred, strict=True)
+        ]
         self._means(
             [[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole]
         )
@@ -202,7 +204,7 @@ class Passage:
         self.C = arb_mat(
             [[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]]
         )
-        self.B = [most(x) for x in whole[12:]]
+        self.B = [abs_upper(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
         """Show the inequalities of faces, cones, compound, thin set and K. Raises Unproved."""
@@ -216,7 +218,7 @@ class Passage:
             weights["lipschitz"],
             weights["thin"],
         )
-        ask(
+        require_positive(
             "7a.1: the weights",
             *self.steep,
             *self.compound,
@@ -226,25 +228,27 @@ class Passage:
             self.thin,
         )
         (u, s, t), a, m, c = self.extents, self.A, self.M, self.C
-        rest = others(m, self.extents)
+        rest = off_diagonal_sums(m, self.extents)
         #: least rates of decay of |z_s| and |z_f|, down to `forcing`
         self.decay = [-m[S, S], -m[F, F]]
-        ask("7a.1: the stable directions", *self.decay)
-        self.forcing = [most(rest[S] / self.decay[0]), most(rest[F] / self.decay[1])]
-        ask("7a.1: the face of z_u", m[U, U] * u - rest[U])
-        ask("7a.1: the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
-        ask("7a.1: the cones of the steep weights", *cones(a, self.steep, self.B))
+        require_positive("7a.1: the stable directions", *self.decay)
+        self.forcing = [abs_upper(rest[S] / self.decay[0]), abs_upper(rest[F] / self.decay[1])]
+        require_positive("7a.1: the face of z_u", m[U, U] * u - rest[U])
+        require_positive("7a.1: the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
+        require_positive("7a.1: the cones of the steep weights", *cones(a, self.steep, self.B))
         for matrix, weight in ((m, self.flat), (a, self.lipschitz)):
-            ask("7a.1: the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1))))
+            require_positive(
+                "7a.1: the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1)))
+            )
         # Bounds of the growth rate of |d_u| in the steep cone.
-        rest_u = others(a, self.steep)[U] / self.steep[U]
+        rest_u = off_diagonal_sums(a, self.steep)[U] / self.steep[U]
         self.grows = (
             (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(),
             (a[U, U] + rest_u).upper(),
         )
         # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us more slowly than the others.
         sizes = (arb(1), *self.compound)
-        rest = [x / k for x, k in zip(others(c, sizes), sizes, strict=True)]
+        rest = [x / k for x, k in zip(off_diagonal_sums(c, sizes), sizes, strict=True)]
         rates = [(c[k, k] + rest[k]).upper() for k in range(3)]
         self.rate, self.slowest = (
             -rates[0].max(rates[1]).max(rates[2]),
@@ -252,21 +256,23 @@ class Passage:
         )
         self.falls, self.fed = (
             (-c[1, 1]).lower(),
-            most(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1]),
+            abs_upper(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1]),
         )
-        ask(
+        require_positive(
             "7a.2: the second compound falls",
             self.rate,
             self.falls - self.rate,
             self.falls - self.slowest,
         )
-        ask("7a.3: the cone of the second compound", *(-self.slowest - rate for rate in rates[1:]))
-        ask(
+        require_positive(
+            "7a.3: the cone of the second compound", *(-self.slowest - rate for rate in rates[1:])
+        )
+        require_positive(
             "7a.5: the variation by the speed",
             *(
                 -c[k, k] * self.drift[k] - rest - stirred
                 for k, rest, stirred in zip(
-                    range(3), others(c, self.drift), self.stirred, strict=True
+                    range(3), off_diagonal_sums(c, self.drift), self.stirred, strict=True
                 )
             ),
         )
@@ -281,20 +287,24 @@ class Passage:
         m, k, p = self.M, self.thin, self.saddle.directions
         falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
         for i, j in ((U, S), (S, U)):
-            ask("7a.4: the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k)
+            require_positive(
+                "7a.4: the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k
+            )
         # With m = max(|z_u|, |z_s|) and z_s = r z_u + q z_f there, m <= max(1, r) |z_u| + |q| k m.
         r, q = -p[0, U] / p[0, S], -p[0, F] / p[0, S]
-        ask("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
-        fast = arb(0, most(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
+        require_positive("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
+        fast = arb(0, abs_upper(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
         self.ratios = arb(1), r + q * fast, fast
-        ask(
+        require_positive(
             "7a.4: the signs at beta_bar = 0",
             self.ratios[S],
             self.at_crossing(1),
             self.at_crossing(2),
         )
-        ask("7a.4: the weights of the graph", 1 - k, 1 - self.flat)
-        ask("7a.4: beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k)
+        require_positive("7a.4: the weights of the graph", 1 - k, 1 - self.flat)
+        require_positive(
+            "7a.4: beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k
+        )
 
     def at_crossing(self, row: int) -> Any:
         """Return y_row / z_u where beta_bar = 0 in the thin set."""
@@ -309,7 +319,7 @@ class Passage:
         p = self.saddle.directions
         rows = p * self.M * self.saddle.inverse
         beta = sum(abs(p[0, k]) * self.extents[k] for k in range(3))
-        ask(
+        require_positive(
             "7a.4: beta_bar and gamma after a crossing",
             rows[2, 1],
             rows[2, 0] - rate * (rows[2, 2] + rate),
@@ -337,7 +347,7 @@ class Passage:
         ``fast``.
         """
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
-        return [most(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
+        return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
         """Return an upper bound of |z_u| at beta_bar = 0, for orbits below the graph.
@@ -346,18 +356,20 @@ class Passage:
         bounded, and after it |z_s| has fallen.
         """
         _, s, _ = self.extents
-        ask("7a.4: the moment of crossing", moment)
+        require_positive("7a.4: the moment of crossing", moment)
         early = (lid + self.flat * s) * (self.grows[1] * moment).exp() + self.flat * s
-        return most(early).max(most(self.fallen(s, fast, moment)[0] / self.ratios[S].lower()))
+        return abs_upper(early).max(
+            abs_upper(self.fallen(s, fast, moment)[0] / self.ratios[S].lower())
+        )
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
         """Return upper bounds of |b_us| and |b_uf| after ``time``, given b at its start."""
         k_1, k_2 = self.compound
-        size = most(b[0]).max(most(b[1] / k_1)).max(most(b[2] / k_2))
-        first = most(size * (-self.rate * time).exp())
+        size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
+        first = abs_upper(size * (-self.rate * time).exp())
         return [
             first,
-            most(
+            abs_upper(
                 size * k_1 * (-self.falls * time).exp()
                 + first * self.fed / (self.falls - self.rate)
             ),
@@ -368,7 +380,7 @@ class Passage:
         |b_sf| <= k_2 b_us.
         """
         faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
-        return most(faded + self.fed / (self.falls - self.slowest))
+        return abs_upper(faded + self.fed / (self.falls - self.slowest))
 
 
 def arrivals(
@@ -468,7 +480,11 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     Returns a mask of the flights in which v may have a zero.
     """
     beta, _, v = step.enclosure
-    _all("0 < beta_bar < 1.5707 is not shown", beta.positive(), (ball(UPRIGHT) - beta).positive())
+    _all(
+        "0 < beta_bar < 1.5707 is not shown",
+        beta.positive(),
+        (ball(BELOW_HALF_PI) - beta).positive(),
+    )
     turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
     if turning.any():
         _all(

@@ -81,8 +81,8 @@ from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     ball,
     coefficient,
-    need,
     positive,
+    require,
     series_length,
 )
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
@@ -97,34 +97,34 @@ __all__ = [
     "UNSTABLE",
     "ManifoldGraph",
     "SaddleCoordinates",
-    "ask",
+    "abs_upper",
     "block",
     "cones",
     "hull_of_array",
     "leaving",
-    "most",
-    "others",
+    "off_diagonal_sums",
     "products",
+    "require_positive",
 ]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
-def ask(what: str, *slacks: Any) -> None:
+def require_positive(what: str, *slacks: Any) -> None:
     """Raise Unproved unless all numbers of all balls are positive.
 
     ``what`` begins with the number of the part of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
-        need(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
+        require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
 
 
-def most(x: Any) -> Any:
+def abs_upper(x: Any) -> Any:
     """Return a point no smaller than any |x| of the ball."""
     return x.abs_upper()
 
 
-def others(matrix: Any, weights: Sequence[Any]) -> list[Any]:
+def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
     """Return for each row the weighted sum of the off-diagonal entries' sizes."""
     return [
         sum((abs(matrix[i, j]) * weights[j] for j in range(3) if j != i), arb(0)) for i in range(3)
@@ -142,7 +142,8 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
     """
     rest = [
-        (x + abs(b)) / k for x, b, k in zip(others(matrix, weights), by_speed, weights, strict=True)
+        (x + abs(b)) / k
+        for x, b, k in zip(off_diagonal_sums(matrix, weights), by_speed, weights, strict=True)
     ]
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
@@ -335,11 +336,11 @@ class ManifoldGraph:
         self.order = len(graph[0]) - 1
         #: The polynomials give W for theta > 0; for theta < 0 the graph is -W(-theta)
         self.mirrored = side is not None and along == SLOW
-        need(
+        require(
             len({len(row) for row in graph}) == 1 and self.order > 0,
             "a curve's polynomials have unlike degrees, or 0",
         )
-        need(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
+        require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
         """Return W at a number, ball or series."""
@@ -389,11 +390,11 @@ class ManifoldGraph:
         if self.side is None:
             return
         span = arb(0).union(reach)
-        z, direction = self.point(span, [arb(0, most(k * reach)) for k in cone]), [arb(1)] * 3
+        z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
         for other, steep, k in zip(self.others, self.steepness(span), cone, strict=True):
-            direction[other] = steep + arb(0, most(k))
+            direction[other] = steep + arb(0, abs_upper(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
-        ask("6.5: the sign of the sliding velocity next to the saddle", slope)
+        require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
     def defect(self, theta: Any, order: int) -> list[Any]:
         """Return D(theta + x) as a series in x to x^order."""
@@ -419,11 +420,11 @@ class ManifoldGraph:
             return [arb.nan()] * 2
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
-            need(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
-            total = most(coefficient(outer, order + 1)) * reach**order
+            require(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
+            total = abs_upper(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
-                total += most(coefficient(inner, power)) * reach ** (power - 1)
-            bounds.append(most(total))
+                total += abs_upper(coefficient(inner, power)) * reach ** (power - 1)
+            bounds.append(abs_upper(total))
         return bounds
 
 
@@ -435,20 +436,21 @@ def leaving(
     Returns:
         The box of z there, a box of z that holds the branch up to there, and DF over the latter.
     """
-    ask("6.1: the reach and the cone next to the saddle", theta, *cone)
+    require_positive("6.1: the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
-    within = [arb(0, most(k * theta)) for k in cone]
+    within = [arb(0, abs_upper(k * theta)) for k in cone]
     whole = curve.point(span, within)
     matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
     rows, steep = curve.across(matrix, span), curve.steepness(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
-        (matrix[UNSTABLE, other] * (slope + arb(0, most(k))) for other, slope, k in along), arb(0)
+        (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),
+        arb(0),
     )
-    ask("6.1: the cone of the unstable manifold", growth)
+    require_positive("6.1: the cone of the unstable manifold", growth)
     for i, j in ((0, 1), (1, 0)):
         inwards = cone[i] * (growth - rows[i][i]) - abs(rows[i][j]) * cone[j] - defect[i]
-        ask("6.1: the cone of the unstable manifold", inwards)
+        require_positive("6.1: the cone of the unstable manifold", inwards)
     curve.keeps_side(theta, cone)
     return curve.point(theta, within), whole, matrix
 
@@ -460,16 +462,16 @@ def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any],
         Its delta, a box of z that holds N, and DF over that box.
     """
     s, u, t = extents
-    ask("6.3: the isolating block", s, u, t)
-    span = arb(0, most(s))
-    box = curve.point(span, (arb(0, most(u)), arb(0, most(t))))
+    require_positive("6.3: the isolating block", s, u, t)
+    span = arb(0, abs_upper(s))
+    box = curve.point(span, (arb(0, abs_upper(u)), arb(0, abs_upper(t))))
     matrix = arb_mat(curve.saddle.field(box)[1])
     (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
     defect = [d * s for d in curve.relative_defect(s)]
-    ask("6.3: the isolating block", outwards)
+    require_positive("6.3: the isolating block", outwards)
     curve.keeps_side(s, (arb(0), arb(0)))
-    delta = most((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
-    ask(
+    delta = abs_upper((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
+    require_positive(
         "6.3: the faces of the isolating block",
         u - delta,
         outwards * delta - abs(from_f) * t - defect[0],

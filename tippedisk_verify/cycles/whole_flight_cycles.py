@@ -1,5 +1,5 @@
-"""Limit cycles next to Omega_h, librating above it and rotating below, at distances D down to
-1e-800 rad/s.
+"""Limit cycles next to Omega_h by flights past the saddles: librating above it and rotating below,
+at distances D down to 1e-800 rad/s.
 
 Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A
 cycle passes the saddles so closely that it leaves them along the unstable branch.
@@ -16,7 +16,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from tippedisk_verify.cycles.error_budget import cycle_in, numbers_at
+from tippedisk_verify.cycles.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint, Stop
 from tippedisk_verify.cycles.period_continuation import (
@@ -40,14 +40,14 @@ __all__ = ["DOUBLE_SHOOTS", "cycle_near", "fixed_point_near", "with_speed"]
 C = TypeVar("C", bound=Cycle)
 
 DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
-_STRONG = -1.0  # decimal logarithm of a contraction that needs no derivative
-_MOST_STEPS = 25
-_NEAR = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
+_STRONG_CONTRACTION = -1.0  # decimal logarithm of a contraction that needs no derivative
+_MAX_STEPS = 25
+_ROUNDING_STEP = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
 # Extra bits of the wider run. By chance it is more than half as wrong with a probability of 2^-23.
-_WIDER = 24
+_EXTRA_BITS = 24
 # Move of the speed, relative to its distance from the branch's nearer end
-_MOVED = Fraction(1, 1000)
-_KEPT = 64  # cycles in the cache; each takes some seconds
+_SPEED_MOVE = Fraction(1, 1000)
+_CACHED_CYCLES = 64  # cycles in the cache; each takes some seconds
 
 
 def cycle_near(
@@ -81,7 +81,7 @@ def cycle_near(
     return cycle
 
 
-@lru_cache(maxsize=_KEPT)
+@lru_cache(maxsize=_CACHED_CYCLES)
 def _cycle_near(
     section: Section[Any],
     parameters: Parameters,
@@ -92,7 +92,7 @@ def _cycle_near(
 ) -> Any:
     fixed_point = fixed_point_near(section, parameters, omega, omega_h, engine, digits=digits)
     precision = fixed_point.return_map.precision
-    return cycle_in(fixed_point, precision, bits(precision.bits + _WIDER))
+    return cycle_in_precision(fixed_point, precision, bits(precision.bits + _EXTRA_BITS))
 
 
 def fixed_point_near(
@@ -119,7 +119,7 @@ def fixed_point_near(
     unstable, slow, _ = (
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
     )
-    if log10(distance) * (-slow / unstable - 1) < _STRONG:
+    if log10(distance) * (-slow / unstable - 1) < _STRONG_CONTRACTION:
         point = return_map.end_of_branch()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
@@ -159,7 +159,7 @@ def _fixed_point(
     (a, b), (c, d) = matrix
     # Rounding moves the splitting, and that is resolved against the distance from Omega_h.
     resolved = precision.number(precision.epsilon / distance)
-    stop = Stop(_MOST_STEPS, lost, small=resolved, near=_NEAR)
+    stop = Stop(_MAX_STEPS, lost, small=resolved, near=_ROUNDING_STEP)
     step: tuple[Any, Any] | None = None
     while True:
         end = return_map.flight(point).state
@@ -214,7 +214,7 @@ def with_speed(
         branch_length: The length of the branch from Omega_h on [rad/s].
         engine: The engine of the flights.
     """
-    moved = min(distance, branch_length - distance) * _MOVED
+    moved = min(distance, branch_length - distance) * _SPEED_MOVE
     too_close = distance < DOUBLE_SHOOTS
     precision = resolving(cycle.parameters, omega_h.value, distance, 0) if too_close else DOUBLE
     # Away from Omega_h, towards which everything is steeper.

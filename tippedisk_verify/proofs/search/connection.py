@@ -43,8 +43,8 @@ from tippedisk_verify.proofs.kernel.certificates.connection import (
     EIGENVALUES,
     SIDES,
     EnclosedConnection,
-    alone,
-    holds,
+    one_speed_stays,
+    room_keeps_orbits,
     verify_connection,
 )
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
@@ -53,9 +53,9 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
+    abs_upper,
     leaving,
-    most,
-    others,
+    off_diagonal_sums,
 )
 from tippedisk_verify.proofs.kernel.flow import Path
 from tippedisk_verify.proofs.numbers import measured, widened
@@ -69,26 +69,26 @@ from tippedisk_verify.proofs.search.certificate import (
 from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = [
-    "MOST_DIGITS",
+    "MAX_DIGITS",
     "ConnectionStatus",
     "ProvedConnection",
-    "Room",
+    "UniquenessBox",
     "eigenvectors",
     "prove_connection",
     "series_of_curve",
     "smallest_weights",
 ]
 
-MOST_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
+MAX_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
 _GUARD_BITS = 56  # some 10 digits for the passage, and a few lost by divisions
-_LONGEST = 30.0  # s
+_MAX_FLIGHT = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
-_MOST_PASSES = 3
-_GUESSES = 12  # doublings of a guessed weight before it is given up
+_MAX_PASSES = 3
+_MAX_DOUBLINGS = 12  # doublings of a guessed weight before it is given up
 #: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
 #: unique.
-_ROOMS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
-_LEAST_DIGITS = 4  # an interval for fewer digits is too wide to be followed past a saddle
+_BOX_EXTENTS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
+_MIN_DIGITS = 4  # an interval for fewer digits is too wide to be followed past a saddle
 
 
 class ConnectionStatus(Enum):
@@ -107,7 +107,7 @@ class ConnectionStatus(Enum):
     CONES = "the cone conditions at a saddle are not proved: ask for more digits"
 
 
-class Room(NamedTuple):
+class UniquenessBox(NamedTuple):
     """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad,
     rad/s].
     """
@@ -140,7 +140,7 @@ class ProvedConnection(Printable, Proof):
     unique: bool = False  #: no second speed of I has a connection of this kind
     #: Unstable, slow stable, fast stable [1/s], for every speed of I
     saddle_eigenvalues: tuple[Measured, ...] = ()
-    room: Room | None = None  #: the box in which the branch stays
+    room: UniquenessBox | None = None  #: the box in which the branch stays
     upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
     bits: int = 0  #: working precision of the last pass
     where: str = ""  #: the inequality that fails
@@ -226,24 +226,22 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
     saddle with real eigenvalues.
     """
-    if not 1 <= digits <= MOST_DIGITS:
-        raise InputError(
-            f"a proof of Omega_h is offered to 1 to {MOST_DIGITS} digits, not {digits}"
-        )
+    if not 1 <= digits <= MAX_DIGITS:
+        raise InputError(f"a proof of Omega_h is offered to 1 to {MAX_DIGITS} digits, not {digits}")
     given = exact(near)
     if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
         raise InputError(
             f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}"
         )
     # Decimal ends, so that the printed interval is exactly the proved one.
-    decimals = max(digits, _LEAST_DIGITS) + max(0, -decimal_magnitude(given.rational))
+    decimals = max(digits, _MIN_DIGITS) + max(0, -decimal_magnitude(given.rational))
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
     bits = (
         math.ceil(-math.log2(half_width))
         + max(0, math.ceil(math.log2(given.rational)))
         + _GUARD_BITS
     )
-    for attempt in range(_MOST_PASSES):
+    for attempt in range(_MAX_PASSES):
         search = _ConnectionSearch(
             parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1))
         )
@@ -264,7 +262,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 omega_h=Measured(middle, half_width),
                 unique=verified.unique,
                 saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=Room(*verified.room),
+                room=UniquenessBox(*verified.room),
                 upright=verified.upright,
                 bits=bits,
                 slowly=verified.slowly,
@@ -309,10 +307,12 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
     diagonal entry. The kernel tests them with `cones`.
     """
-    weights = [most(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
-    for _ in range(_GUESSES):
-        rest = [x + abs(b) for x, b in zip(others(matrix, weights), by_speed, strict=True)]
-        weights = [most(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
+    weights = [abs_upper(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
+    for _ in range(_MAX_DOUBLINGS):
+        rest = [
+            x + abs(b) for x, b in zip(off_diagonal_sums(matrix, weights), by_speed, strict=True)
+        ]
+        weights = [abs_upper(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
     return weights
 
 
@@ -406,10 +406,10 @@ class _ConnectionSearch(Proposer):
 
     def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]
-        least = max(map(most, defect), key=float)
-        for doubling in range(_GUESSES):
+        least = max(map(abs_upper, defect), key=float)
+        for doubling in range(_MAX_DOUBLINGS):
             k = [
-                most(2**doubling * 2 * (part + least / 16) / room).mid()
+                abs_upper(2**doubling * 2 * (part + least / 16) / room).mid()
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
@@ -428,14 +428,14 @@ class _ConnectionSearch(Proposer):
     def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
         # gamma falls, or has passed the saddle
-        if path.time > _LONGEST or beta < 0 or gamma > arb.pi():
+        if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
             raise Stopped(ConnectionStatus.NOT_NEAR)
         return bool(
             abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
         )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
-        s, u, t = map(most, (z[SLOW], *curve.straightened(z)))
+        s, u, t = map(abs_upper, (z[SLOW], *curve.straightened(z)))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
         # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
@@ -448,14 +448,14 @@ class _ConnectionSearch(Proposer):
         G: Sequence[Any],
     ) -> tuple[Fraction, Fraction, Fraction]:
         least = _decimal_above(offset[1])
-        for gamma in (*(size for size in _ROOMS if size > least), least):
+        for gamma in (*(size for size in _BOX_EXTENTS if size > least), least):
             after = [piece for piece in pieces if not piece[1] - arb.pi() < -ball(gamma)]
             beta, _, v = (
                 max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3)
             )
             room = beta, gamma, v
             try:
-                if holds(room, offset, pieces) and alone(
+                if room_keeps_orbits(room, offset, pieces) and one_speed_stays(
                     saddle, room, G, lambda name, *context: self.apart(*context)
                 ):
                     break
@@ -464,7 +464,7 @@ class _ConnectionSearch(Proposer):
         return room
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
-        weights = [abs(G[UNSTABLE]).lower() * 7 / 8, most(G[SLOW]) * 2, most(G[FAST]) * 2]
+        weights = [abs(G[UNSTABLE]).lower() * 7 / 8, abs_upper(G[SLOW]) * 2, abs_upper(G[FAST]) * 2]
         # A weight may be larger than the difference needs; much smaller ones than the others'
         # coupling are not proved.
         least = smallest_weights(matrix, by_speed)

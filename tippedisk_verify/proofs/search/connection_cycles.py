@@ -36,10 +36,10 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     verify_cycles,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
-from tippedisk_verify.proofs.kernel.certificates.saddle import most
+from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, eigenvectors
+from tippedisk_verify.proofs.search.connection import ProvedConnection, eigenvectors
 
 __all__ = ["EndStatus", "ProvedEnd", "checked_distance", "prove_end"]
 
@@ -48,16 +48,16 @@ _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS = (32, 6)  # numbers of cells along half of z_u and z_s, and along half of z_f
 _STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
 _COMPOUND = (Fraction(1, 2), Fraction(1))
-_RETURN = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
+_RETURN_RATE = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
 _THIN = Fraction(1, 8)
-_WIDER = arb(17) / 16  # the factor by which an inequality is exceeded
+_SAFETY_FACTOR = arb(17) / 16  # the factor by which an inequality is exceeded
 _FAST, _WEIGHT = Fraction(1, 512), Fraction(1, 4)  # t_0 and w
 _SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed [rad/s] and in z_s
-_ROOM = 1.01  # the lid relative to the bound from the largest speed's orbit
-_WIDENED = 0.15  # the excess width of an enclosure relative to a cell's image; measured
+_LID_FACTOR = 1.01  # the lid relative to the bound from the largest speed's orbit
+_EXCESS_WIDTH = 0.15  # the excess width of an enclosure relative to a cell's image; measured
 _ROUNDS, _ATTEMPTS = 60, 8
 # s; over a longer step a box's enclosure is too wide where the fast direction contracts
-_STEP = 0.005
+_MAX_STEP = 0.005
 _FLOWN, _LONGEST = 1e-3, 3000  # length [s] and largest number of steps of the single flights
 
 Array = NDArray[np.float64]
@@ -175,7 +175,7 @@ def prove_end(
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
     for attempt in range(_ATTEMPTS):
-        search = _EndSearch(connection, low, high, _ROOM**attempt)
+        search = _EndSearch(connection, low, high, _LID_FACTOR**attempt)
         try:
             with working_precision(connection.bits):
                 end = verify_cycles(connection.verified, low, high, search, watch)
@@ -234,20 +234,22 @@ class _EndSearch(Proposer):
 
     def weights(self, n: Passage) -> dict[str, Any]:
         flat, lipschitz = (
-            most((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
+            abs_upper((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
             for matrix in (n.M, n.A)
         )
         c = n.C
-        grows = [[c[i, j].upper() if i == j else most(c[i, j]) for j in range(3)] for i in range(3)]
-        drift = arb_mat(grows).solve(arb_mat([[-part * _WIDER] for part in n.stirred]))
+        grows = [
+            [c[i, j].upper() if i == j else abs_upper(c[i, j]) for j in range(3)] for i in range(3)
+        ]
+        drift = arb_mat(grows).solve(arb_mat([[-part * _SAFETY_FACTOR] for part in n.stirred]))
         return {
             "steep": _points(_STEEP),
             "compound": _points(_COMPOUND),
-            "drift": [most(x).mid() for x in drift.entries()],
+            "drift": [abs_upper(x).mid() for x in drift.entries()],
             "flat": flat,
             "lipschitz": lipschitz,
             "thin": ball(_THIN),
-            "return": ball(_RETURN),
+            "return": ball(_RETURN_RATE),
         }
 
     def entry(self, n: Passage) -> dict[str, Any]:
@@ -258,11 +260,11 @@ class _EndSearch(Proposer):
         _, (arrival, further, slower) = self._flown(
             n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0])
         )
-        wide = (abs(further - arrival) + abs(slower - arrival)) * _WIDENED
+        wide = (abs(further - arrival) + abs(slower - arrival)) * _EXCESS_WIDTH
         lid = abs(arrival)
         for _ in range(_ROUNDS):
             reach = float(self._return_map(n, lid).exits[1]) / _SLOW_CELL
-            lid = _ROOM * (abs(arrival) + abs(further - arrival) * reach + wide)
+            lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
         return self._entry(n, lid * self.factor)
 
     def _return_map(self, n: Passage, lid: float) -> LoopMap:
@@ -310,7 +312,7 @@ class _EndSearch(Proposer):
             for begin, end, number in ((low, high, rows), (least, largest, columns))
         )
         times, _ = self._flown(loop_map.n, np.repeat(speeds, columns), np.tile(slow, rows))
-        count = math.ceil(float(times.max()) / _STEP)
+        count = math.ceil(float(times.max()) / _MAX_STEP)
         lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
         return {
             "steps": count,

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.conformance.regression import changes
+from tippedisk_verify.conformance.gate import grade_changes
 from tippedisk_verify.errors import InputError
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
@@ -86,7 +86,7 @@ def test_where_doubles_have_no_truth_the_digits_are_those_of_the_decimals(
     assert grade.digits == pytest.approx(3, abs=1e-9)
     assert "compute from the decimals" in grade.note
     assert not tv.grade({id_: answer}).passed
-    assert changes([grade], [tv.compare(id_, 1.0)]) == []
+    assert grade_changes([grade], [tv.compare(id_, 1.0)]) == []
 
 
 def test_numpy_and_pytest_compare_on_either_side() -> None:

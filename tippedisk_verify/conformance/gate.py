@@ -14,10 +14,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable, read_text
 from tippedisk_verify.reference_values.store import Store, is_optional
 
-__all__ = ["Change", "badge", "changes", "expected_failures", "shortcomings"]
+__all__ = ["GradeChange", "badge", "expected_failures", "grade_changes", "shortcomings"]
 
-_LARGEST = 4_000_000  # bytes of a list of expected failures
-_LOST = 1.0  # digits that count as a change
+_MAX_LIST_BYTES = 4_000_000  # bytes of a list of expected failures
+_LOST_DIGITS = 1.0  # digits that count as a change
 _ROUNDING = 14.0  # digits beyond which doubles differ by rounding alone
 _COLOURS = {"passes": "#2e7d32", "partly": "#9a6700", "fails": "#b3261e"}
 
@@ -35,7 +35,7 @@ def expected_failures(path: Path, store: Store) -> frozenset[str]:
         InputError: If a line matches no question.
     """
     ids: set[str] = set()
-    for line in read_text(path, _LARGEST).splitlines():
+    for line in read_text(path, _MAX_LIST_BYTES).splitlines():
         pattern = f" {line}".split(" #", 1)[0].strip()  # a crossing's number follows a # as well
         if not pattern:
             continue
@@ -87,7 +87,7 @@ def shortcomings(
 
 
 @dataclass(frozen=True)
-class Change:
+class GradeChange:
     """An answer that differs between two sheets in digits."""
 
     id: str
@@ -105,7 +105,7 @@ class Change:
         if self.old.failed != self.new.failed:
             return "mended" if self.old.failed else "broken"
         lost = _counted(self.old) - _counted(self.new)
-        return "lost" if lost >= _LOST else "gained" if lost <= -_LOST else ""
+        return "lost" if lost >= _LOST_DIGITS else "gained" if lost <= -_LOST_DIGITS else ""
 
     def to_dict(self) -> dict[str, Any]:
         return {
@@ -125,7 +125,7 @@ def _shown(grade: Grade | None) -> float | None:
     return round(grade.digits, 1) if grade is not None and math.isfinite(grade.digits) else None
 
 
-def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
+def grade_changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[GradeChange]:
     """Return the changes between two sheets, worst first; optional answers do not count.
 
     Args:
@@ -134,7 +134,7 @@ def changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[Change]:
     """
     before, after = {grade.id: grade for grade in old}, {grade.id: grade for grade in new}
     every = [
-        Change(id_, before.get(id_), after.get(id_))
+        GradeChange(id_, before.get(id_), after.get(id_))
         for id_ in dict.fromkeys((*before, *after))
         if not is_optional(id_)
     ]

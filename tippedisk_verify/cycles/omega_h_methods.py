@@ -13,8 +13,8 @@ from __future__ import annotations
 from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.heteroclinic import Heteroclinic, Method, connection_at
-from tippedisk_verify.connection.splitting import MOST_DIGITS, splitting_zero, unmeasured_zero
+from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, connection_at
+from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero, unmeasured_zero
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
@@ -27,7 +27,7 @@ from tippedisk_verify.model.surroundings import undisturbed
 __all__ = ["METHODS", "heteroclinic"]
 
 #: The names of the methods.
-METHODS: tuple[Method, ...] = get_args(Method)
+METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
 _DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
@@ -61,9 +61,9 @@ def heteroclinic(
         raise InputError(
             f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds"
         )
-    if digits > MOST_DIGITS:
+    if digits > MAX_DIGITS:
         raise InputError(
-            f"Omega_h is offered to {MOST_DIGITS} digits, not {digits}: more would take days"
+            f"Omega_h is offered to {MAX_DIGITS} digits, not {digits}: more would take days"
         )
     if method == "manifolds":
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value

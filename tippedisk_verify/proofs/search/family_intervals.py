@@ -25,9 +25,9 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_pr
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
-from tippedisk_verify.proofs.search.connection_end import ProvedEnd
+from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.heteroclinic import ProvedConnection, prove_connection
 
 __all__ = [
     "HOPF_END",
@@ -46,11 +46,11 @@ _LONGEST, _SHARE = (
     Fraction(3, 10),
     Fraction(1, 7),
 )  # length of an interval [rad], and relative to the distance of pi from its beginning
-_MOST_HALVINGS = 5
-_NEAREST = 5  # known cycles from which a guess is interpolated
+_MAX_HALVINGS = 5
+_NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
 _HOPELESS = (ArcStatus.RISING, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
-_REACHES = (
+_INTERVAL_LENGTHS = (
     "0.008",
     "0.004",
     "0.002",
@@ -58,7 +58,7 @@ _REACHES = (
 _OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
 # Known cycles; ratio of successive distances from Omega_h for the last ones
 _KNOWN, _NEARER = 60, Fraction(4, 5)
-_CLOSEST = Fraction(1, 10**6)  # rad/s from Omega_h
+_MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
@@ -134,10 +134,10 @@ def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
-    from tippedisk_verify.proofs.search.connection_end import prove_end
+    from tippedisk_verify.proofs.search.connection_cycles import prove_end
 
     end = None
-    for reach in _REACHES if connection.proved else ():
+    for reach in _INTERVAL_LENGTHS if connection.proved else ():
         with suppress(InputError):  # for a reach beyond Omega_crit
             end = prove_end(connection, reach)
         if end is not None and end.proved:
@@ -162,7 +162,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
     for k in range(_KNOWN // 10, _KNOWN - 1):
         left = span * (1 - Fraction(k, _KNOWN) ** 2)
         yield omega_h + left
-    while left > _CLOSEST:
+    while left > _MIN_DISTANCE:
         left *= _NEARER
         yield omega_h + left
 
@@ -238,7 +238,7 @@ def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
     """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
     proof depends on it.
     """
-    nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST]
+    nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST_CYCLES]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
     first, second, third = map(
@@ -263,7 +263,7 @@ def prove_intervals(
     jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
         if isinstance(found, ArcStatus):
-            if found not in _HOPELESS and interval.halvings < _MOST_HALVINGS:
+            if found not in _HOPELESS and interval.halvings < _MAX_HALVINGS:
                 jobs.add(interval.halves())
                 continue
             given_up.append((interval.low, found))

@@ -11,20 +11,20 @@ from flint import arb, arb_mat
 
 from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.omega_h import heteroclinic
+from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import _slowly
-from tippedisk_verify.proofs.search import heteroclinic as certified
-from tippedisk_verify.proofs.search.connection_end import EndStatus, ProvedEnd, prove_end
-from tippedisk_verify.proofs.search.heteroclinic import (
+from tippedisk_verify.proofs.search import connection as certified
+from tippedisk_verify.proofs.search.connection import (
     ConnectionStatus,
     ProvedConnection,
     prove_connection,
 )
+from tippedisk_verify.proofs.search.connection_cycles import EndStatus, ProvedEnd, prove_end
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {
@@ -89,7 +89,7 @@ def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> N
     """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still
     no proof.
     """
-    monkeypatch.setattr(certified, "_MOST_PASSES", 1)
+    monkeypatch.setattr(certified, "_MAX_PASSES", 1)
     half = proved_connection().omega_h.uncertainty
     found = prove_connection(
         PRINTED, TRUTH["table1"].value + side * half * Fraction(104, 100), DIGITS

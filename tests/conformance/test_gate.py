@@ -13,8 +13,8 @@ from xml.etree import ElementTree
 import pytest
 
 from tippedisk_verify.cli import main
+from tippedisk_verify.conformance.gate import badge, expected_failures, grade_changes
 from tippedisk_verify.conformance.grading import Tally, compare
-from tippedisk_verify.conformance.regression import badge, changes, expected_failures
 from tippedisk_verify.reference_values.store import stored
 
 RHS = "table1/both/rhs/001"
@@ -106,7 +106,7 @@ def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "0 broken, 0 gone, 0 lost, 0 gained" in capsys.readouterr().out
     # From sixteen digits to fourteen and a half: an ulp or ten of a double
     truth = float(stored()[CRIT])
-    assert changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
+    assert grade_changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
 
 
 def _level(number: int, answered: int = 5, failed: int = 0) -> Tally:
