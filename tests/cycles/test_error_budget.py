@@ -41,7 +41,7 @@ def beyond(twins: int, factor: float) -> float:
 
 
 def test_the_risk_is_the_budgets() -> None:
-    """2e-6, and 14 in the median, as documented beside `TWINS`."""
+    """2e-6, and 14 in the median, as documented at `TWINS`."""
     assert 1.5e-6 < beyond(error_budget.TWINS, error_budget.TWIN_FACTOR) < 2e-6
     errors = numpy.random.default_rng(1).standard_normal((200_000, error_budget.TWINS + 1))
     ratio = error_budget.TWIN_FACTOR * numpy.ptp(errors, axis=1) / numpy.abs(errors[:, 0])

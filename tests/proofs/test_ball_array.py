@@ -228,7 +228,7 @@ def mutant(old: str, new: str) -> ModuleType:
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
     copies[ball_array].outward = copies[doubles].outward
-    for name in ("made", "rounded"):
+    for name in ("trusted", "with_rounding"):
         setattr(copies[ball_array_series], name, getattr(copies[ball_array], name))
     copies[ball_array].BallArraySeries = copies[ball_array_series].BallArraySeries
     return copies[ball_array]
