@@ -13,7 +13,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, rows_of
-from tippedisk_verify.connection.heteroclinic import _START_DISTANCE, _GAMMA_TOP
+from tippedisk_verify.connection.heteroclinic import _GAMMA_TOP, _START_DISTANCE
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 

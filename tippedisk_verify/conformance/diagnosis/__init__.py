@@ -3,22 +3,23 @@
 A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such
 changes. `terms` evaluates equations that are written as sums of products, `dictionary` has them and
 what people write in their place, `regression` finds the fewest changes that give the answers, and
-`levels` applies it to the questions of levels 1 to 5. `relations` predicts wrong answers from right
-ones, and `step_methods` has integrators. This module asks them in turn, level by level, and separates
-mistakes from their consequences.
+`levels` has the quantities of levels 1 to 5 that it is applied to. `relations` predicts wrong
+answers from right ones, and `step_methods` has integrators. This module asks them in turn, level by
+level, and separates mistakes from their consequences.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table, tables_of
+from tippedisk_verify.conformance.diagnosis.entries import LATER, Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.levels import (
     PREDICTED,
     VARIANTS,
@@ -40,7 +41,8 @@ _BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
 # digits, and the least share of answers that it then loses them in.
 _LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
 _EXACT = 1e-15  # of the size: nothing is lost
-# The factor by which the errors of a mended program may exceed those of the right one.
+# The factor by which a mended program may be further off than is allowed where it differentiates
+# five times: the right program itself is off by half of what is allowed.
 _SAFETY = 10.0
 _ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
 _SAME = 1e-9  # relative difference of values that are equal but for rounding
@@ -148,21 +150,19 @@ class _Sheet:
         """Diagnose one level; mistakes that are named at earlier ones are made in the program."""
         tables = [table for table in self.tables if table.level == level]
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
-        for table in tables if level <= _FORMULAS else ():
-            for some in filter(None, self.candidates(table.friction)):
-                self.mark_explained(table, some)
+        self.consequences(tables)
         follows = numbers - _left(tables)
-        self.relations(tables, whole=True)
-        if level == 1:
-            self.equations(tables)
-        for table in tables if 1 < level <= _FORMULAS else ():
-            self.variants(table)
-            self.formulas(table)
-        if level > 1:
+        with self.together(tables, whole=True):
             self.relations(tables)
-        self.lost(tables if level <= _FORMULAS else ())
-        if self.changes:
-            self.relations(tables, mended=True)
+        for later in (False, True):
+            held = [table.left & (table.later != later) for table in tables]
+            for table, mask in zip(tables, held, strict=True):
+                table.left[mask] = False
+            self.explained(tables)
+            for table, mask in zip(tables, held, strict=True):
+                table.left[mask] = True
+            self.consequences(tables)
+            self.lost(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
             self.causes += [("method", says)] if (says := method(table)) else []
         named = [
@@ -189,6 +189,31 @@ class _Sheet:
             may_follow,
         )
 
+    def explained(self, tables: Sequence[Table]) -> None:
+        """Take out quantities of a level by changes of the equations, and by relations."""
+        for some in [tables] if tables and tables[0].level == 1 else [[one] for one in tables]:
+            with self.together(some):
+                self.equations(some)
+        for mended in {bool(self.changes), False}:
+            with self.together(tables):
+                self.relations(tables, mended)
+
+    @contextmanager
+    def together(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
+        """Undo what a step has found where it leaves answers that belong together unexplained.
+
+        Args:
+            tables: The tables that the step explains.
+            whole: All answers belong together.
+        """
+        changes, causes = dict(self.changes), list(self.causes)
+        before = [table.left.copy() for table in tables]
+        yield
+        if any(table.left.any() for table in tables if whole or table.kind in _TOGETHER):
+            self.changes, self.causes = changes, causes
+            for table, left in zip(tables, before, strict=True):
+                table.left[:] = left
+
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
         """Return the changes that answers may come with: those of their law, all, none."""
@@ -198,8 +223,9 @@ class _Sheet:
     def program(
         self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
     ) -> Values:
-        """Return the equations under a law with some changes."""
-        return made(Values(SMOOTH if law == "smooth" else LINEAR, inputs or {}), some)
+        """Return the equations under a law with some changes; inputs replace definitions."""
+        values = Values(SMOOTH if law == "smooth" else LINEAR, {})
+        return made(values.holding(**(inputs or {})), some)
 
     @np.errstate(all="ignore")
     def predicted(
@@ -218,16 +244,17 @@ class _Sheet:
         values = base_of(self.program(table.friction, some).definitions, table)
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
+    def consequences(self, tables: Sequence[Table]) -> None:
+        """Take out quantities whose answers follow from the changes that are known."""
+        for table in tables if self.changes else ():
+            for some in self.candidates(table.friction):
+                self.mark_explained(table, some)
+
     def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
         """Mark as explained the quantities whose answers the changed program gives."""
         if not table.left.any() or table.kind not in PREDICTED:
             return
-        room = table.allowed
-        # Many derivatives, which lose digits in the right program as well
-        if table.kind == "slow-manifold":
-            size = np.nan_to_num(np.abs(self.predicted(table, ()) - table.truth) / table.scale)
-            worst = [size[table.names == name].max() for name in table.names]
-            room = room + _SAFETY * table.scale * np.array(worst)
+        room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
         for function in PREDICTED[table.kind]:
             predicted = self.predicted(table, some, function)
             fits = table.fitted(predicted, room)
@@ -235,57 +262,30 @@ class _Sheet:
                 mine = table.left & (table.stems == stem)
                 table.left[mine] = not fits[mine].all()
 
-    def variants(self, table: Table) -> None:
-        """Take out all answers of a table if other functions give them, and say which."""
-        for says, function in VARIANTS.get(table.kind, {}).items():
-            predicted = self.predicted(table, self.candidates(table.friction)[0], function)
-            if table.left.any() and table.fitted(predicted).all():
-                self.causes.append(("inputs", says))
-                table.left[:] = False
-
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
-        """Look for changes of the equations of motion behind the answers of level 1, in the
-        order of the equations.
-        """
-        posed = [(table, problem) for table in tables for problem in problems(table, LINEAR)]
-        values = [(table, problem) for table, problem in posed if not problem.name.startswith("dv")]
-        self.searched(values, values)
-        for table in tables:
-            self.mark_explained(table, self.candidates(table.friction)[0])
-        self.lost(tables)
-        self.relations(tables, mended=bool(self.changes))
-        self.searched([pair for pair in posed if pair not in values], posed)
-
-    def formulas(self, table: Table) -> None:
-        """Look for changes behind the quantities of a table of levels 2 to 5; the slow
-        manifold's order by order.
-        """
-        if not table.left.any():
-            return
-        known, before = dict(self.changes), table.left.copy()
-        program = self.program(table.friction, self.candidates(table.friction)[0])
-        posed = [(table, problem) for problem in problems(table, program.definitions)]
-        self.searched(posed, posed)
-        for some in self.candidates(table.friction) if posed else ():
-            self.mark_explained(table, some)
-        if posed and table.left.any():
-            alone = before.sum() - table.left.sum() <= (table.names == posed[0][1].name).sum()
-            if table.kind == "equilibrium" or (
-                table.kind == "slow-manifold" and alone
-            ):  # one part alone proves nothing
-                self.changes = known
-                table.left[:] = before
-            elif table.kind == "slow-manifold":
-                self.formulas(table)
-
-    def searched(self, some: Posed, posed: Posed) -> None:
-        """Look for changes behind each of some quantities; ``posed`` are all that are answered."""
-        for table, problem in some:
+        """Look for changes behind the quantities of tables, in the order of the equations."""
+        posed = self.posed(tables) if _left(tables) else []
+        for n in range(len(posed)):
+            table, problem = posed[n]
             mine = table.left & (table.names == problem.name)
-            if mine.any() or (problem.name not in table.names and problem.left.any()):
+            inverse = problem.name not in table.names and table.left.any() and problem.left.any()
+            if mine.any() or inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
                 table.left[mine] = not self.adopted(table, problem, posed)
+                if table.kind == "slow-manifold":  # each order from those before it
+                    posed = self.posed(tables)
+        self.consequences(tables)
+
+    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, Problem]]:
+        """Return the quantities of tables that can be searched, with the changes that are known."""
+        found = []
+        for table in tables:
+            if table.kind in PREDICTED:
+                known = self.candidates(table.friction)[0] if table.level > 1 else ()
+                definitions = self.program(table.friction, known).definitions
+                found += [(table, one) for one in problems(table, base_of(definitions, table))]
+        return found
 
     def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
         """Find the changes that give the answers to a quantity, and add them to the known ones.
@@ -293,7 +293,8 @@ class _Sheet:
         Known changes come first. Return True if there are any.
         """
         law, derivative = table.friction, problem.name.startswith("dv")
-        posed = [] if derivative else [pair for pair in posed if pair[0].friction in ("both", law)]
+        alone = derivative or table.kind == "slow-manifold"  # orders share their definitions
+        posed = [] if alone else [pair for pair in posed if not pair[1].name.startswith(LATER)]
         own, *others = self.candidates(law)
         readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
         readings += [(some, self.changes) for some in others if some or table.level > 1]
@@ -322,9 +323,9 @@ class _Sheet:
     ) -> frozenset[str]:
         """Return the definitions behind answers that a program gives."""
         names = frozenset[str]()
-        for _, problem in posed:
+        for table, problem in posed:
             program = self.program(law, some, problem.given)
-            if problem.fits(program):
+            if table.friction in ("both", law) and problem.fits(program):
                 names |= program.behind(problem.definition)
         return names
 
@@ -381,29 +382,29 @@ class _Sheet:
         predicted = self.predicted(table, self.candidates(table.friction)[0])
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
-    def relations(self, tables: Sequence[Table], mended: bool = False, whole: bool = False) -> None:
+    def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
         """Take out quantities whose answers are related to right ones, or to those of the mended
-        program.
-
-        A relation of many quantities comes before one of few. Eigenvalues belong together, and so
-        do the orders of the slow manifold: all are explained, or none.
+        program. A relation of many quantities comes before one of few.
 
         Args:
             tables: The tables of a level.
             mended: Take the values of the mended program for right.
-            whole: Only if relations explain all that is wrong.
         """
-        truths, some = dict(self.truths), [table for table in tables if table.left.any()]
-        if mended:
-            known = (table for table in some if table.kind in PREDICTED)
-            some = [replace(table, truth=self.expected(table)) for table in known]
-            for table in some:
-                truths.update(zip(table.ids, table.truth.tolist(), strict=True))
         groups: dict[str, list[Relation]] = {}
+        some = [table for table in tables if table.left.any()]
+        changes = [self.candidates(table.friction)[0] if mended else () for table in some]
+        if mended:
+            some = [replace(table, truth=self.expected(table)) for table in some]
+        truths = dict(self.truths)
         for table in some:
-            for relation in related(table, truths):
+            truths.update(zip(table.ids, table.truth.tolist(), strict=True))
+        for table, known in zip(some, changes, strict=True):
+            variants = {
+                says: self.predicted(table, known, function)
+                for says, function in VARIANTS.get(table.kind, {}).items()
+            }
+            for relation in related(table, truths, variants):
                 groups.setdefault(relation.says, []).append(relation)
-        before, causes = [table.left.copy() for table in tables], list(self.causes)
         total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
         for group in sorted(
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
@@ -416,11 +417,6 @@ class _Sheet:
             self.causes.append(("relation", _said(says, names, total)))
             for one in new:
                 one.table.left[one.answers] = False
-        together = (table for table in tables if whole or table.kind in _TOGETHER)
-        if any(table.left.any() for table in together):
-            self.causes = causes
-            for table, left in zip(tables, before, strict=True):
-                table.left[:] = left
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
         """A change in words, with its friction law where the other one does not have it."""

@@ -45,12 +45,10 @@ gamma_y = rho v sin(beta) - e Omega sin(beta)^2 cos(gamma)
 gamma_rate = -Omega cos(beta)
 force = h + f_G + w_y lambda_Ty
 v_rate = force / M
-dv_rate_dbeta = d(force)/d(beta) / M - d(M)/d(beta) v_rate / M
-dv_rate_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) v_rate / M
-dv_rate_dv = d(force)/d(v) / M
-answered_dbeta = d(force)/d(beta) / M - d(M)/d(beta) answered_rate / M
-answered_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) answered_rate / M
-answered_dv = d(force)/d(v) / M - d(M)/d(v) answered_rate / M
+answered_rate = v_rate
+dv_rate_dbeta = d(force)/d(beta) / M - d(M)/d(beta) answered_rate / M
+dv_rate_dgamma = d(force)/d(gamma) / M - d(M)/d(gamma) answered_rate / M
+dv_rate_dv = d(force)/d(v) / M - d(M)/d(v) answered_rate / M
 """
 _FORMULAS = """
 A_31 = m g (r + side e) / Bbar - Omega^2
@@ -63,6 +61,7 @@ c_imag = 1/2 g_gamma_imag + 1/2 g_v_imag
 rate_real = rate_21_real + rate_31_real + rate_32_real
 rate_imag = rate_21_imag + rate_31_imag + rate_32_imag
 omega_crit = sqrt(omega_crit_squared)
+hopf_speed = omega_crit
 hopf_period = 2 pi / omega
 transversality = rate_real
 first_lyapunov_coefficient = c_real / omega
@@ -74,7 +73,11 @@ delta = -1/8 Omega^2 (r - e + consistent e) / (r + e)
 excess = Bbar r Omega^2 - m g (r + e)^2
 denominator = chi Omega^2 + m g e (r + e)
 amplitude_squared = -4 e excess / denominator / (r + e)
-frequency_squared = e Omega^2 / (r + e) + delta answered_squared
+amplitude = sqrt(amplitude_squared)
+answered_amplitude = amplitude
+frequency_squared = e Omega^2 / (r + e) + delta answered_amplitude^2
+frequency = sqrt(frequency_squared)
+answered_frequency = frequency
 law_period = 2 pi / answered_frequency
 h_0 = e Omega sin(beta) cos(gamma) / rho
 drag = mu m g rho^2 sin(beta)^2
@@ -237,8 +240,8 @@ REDEFINED: dict[str, tuple[str, ...]] = {
     "amplitude_squared": ("-4 e^2 excess / denominator / (r + e)^2",),
     "frequency_squared": (
         "e omega_crit_squared / (r + e) - 1/8 omega_crit_squared (r - e + consistent e) "
-        "answered_squared / (r + e)",
-        "e omega_crit_squared / (r + e) + delta answered_squared",
+        "answered_amplitude^2 / (r + e)",
+        "e omega_crit_squared / (r + e) + delta answered_amplitude^2",
     ),
     "omega_crit_squared": ("m g (r + 2 e) / Bbar",),
     "period_slope": ("c_imag rate_real / c_real - rate_imag",),
@@ -417,10 +420,10 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
     """Return all single changes of some definitions, and of those that they use. No symbol is
     redefined by its own value.
     """
-    names, local = frozenset(names), _sums_in_place(values)
+    names = frozenset(names)
     found: dict[tuple[Piece, ...], Change] = {}
     for change in (
-        *(change for name in sorted(names) for change in _of_definition(name, values, local)),
+        *(change for name in sorted(names) for change in _of_definition(name, values)),
         *(_of_inputs(says, puts) for says, puts in INPUTS.items() if names & puts.keys()),
     ):
         new = {x for *_, terms in change.pieces for term in terms for x, _ in term.factors}
@@ -436,34 +439,16 @@ def _of_inputs(says: str, puts: Mapping[str, str]) -> Change:
     return Change(pieces, says if "vector" in says else f"the inputs: {says}", 2 + unusual)
 
 
-def _sums_in_place(values: Values) -> dict[str, tuple[str, ...]]:
-    """Return the sums that may be written in one place for a symbol that stands for a sum."""
-    found = {name: [f"({text})" for text in REDEFINED[name]] for name in _SHARED}
-    terms = values.terms("inertia")
-    for n, term in enumerate(terms):
-        for new, _, rank in _of_term(term, True, ()) if term.number else ():
-            if rank < 2:
-                found["inertia"].append(f"({shown((*terms[:n], *new, *terms[n + 1 :]))})")
-    return {name: tuple(texts) for name, texts in found.items()}
-
-
-def _of_definition(
-    name: str, values: Values, local: Mapping[str, tuple[str, ...]]
-) -> Iterator[Change]:
+def _of_definition(name: str, values: Values) -> Iterator[Change]:
     """Yield the changes of one definition: another one, another term, another factor of it all."""
     terms = values.terms(name)
     for text in REDEFINED.get(name, ()):
         yield Change(((name, None, parsed(text)),), f"{name} = {text}, not {shown(terms)}")
     several = len(terms) > 1
     for n, term in enumerate(terms):
-        for new, says, rank in (
-            _of_term(term, several or name in _SUMS, tuple(local.items())) if term.number else ()
-        ):
+        for new, says, rank in _of_term(term, several or name in _SUMS) if term.number else ():
             late = name in _LATE or (name[0] == "(" and "(" in shown(new))
             yield Change(((name, n, new),), f"in {name}: {says}", rank + late)
-            if rank == 0 and new[0].number:
-                minus, says, rank = _in_place(term, new[0].times(-1.0), 2)
-                yield Change(((name, n, minus),), f"in {name}: {says}", rank)
     for text, factor in _WHOLE.items() if several and name[0] != "(" else ():
         pieces = tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms))
         yield Change(pieces, f"{name} has {text}", 1)
@@ -473,19 +458,16 @@ Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and ran
 
 
 @lru_cache(4096)
-def _of_term(
-    term: Term, several: bool, local: tuple[tuple[str, tuple[str, ...]], ...]
-) -> tuple[Replacement, ...]:
+def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
     """Return what may be written in place of a term.
 
     Args:
         term: The term.
         several: True if it is one of several in a sum, so that it may be missing.
-        local: More sums for a factor, by its name.
     """
     return (
         *_other_numbers(term, several),
-        *_other_factors(term, dict(local)),
+        *_other_factors(term),
         *_exchanged_powers(term),
         *(
             _in_place(term, term.times(1.0, name, power), 2)
@@ -512,11 +494,12 @@ def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
         yield new, says, rank
 
 
-def _other_factors(term: Term, local: Mapping[str, Iterable[str]]) -> Iterator[Replacement]:
+def _other_factors(term: Term) -> Iterator[Replacement]:
     """Yield another factor in place of each one, another power of it, and none."""
     for name, power in term.factors:
         one = 1 if power > 0 else -1  # power that is nearest to none
-        for other in dict.fromkeys((*IN_PLACE.get(name, ()), *local.get(name, ()))):
+        sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
+        for other in (*IN_PLACE.get(name, ()), *sums):
             rank = int(name in _SHARED and other.startswith("("))  # likelier in its definition
             yield _in_place(term, term.put(name, other, power), rank)
             if abs(power) > 1:
@@ -534,10 +517,8 @@ def _other_factors(term: Term, local: Mapping[str, Iterable[str]]) -> Iterator[R
 
 
 def _exchanged_powers(term: Term) -> Iterator[Replacement]:
-    """Yield the powers of two factors exchanged, and sine and cosine of an angle merged."""
+    """Yield the powers of two factors exchanged."""
     for (one, first), (two, second) in combinations(term.factors, 2):
         if first != second and first * second > 0:
             new = term.times(1.0, one, second - first).times(1.0, two, first - second)
             yield _in_place(term, new, 1)
-        if first == second and {one[:3], two[:3]} == {"sin", "cos"} and one[3:] == two[3:]:
-            yield _in_place(term, term.times(1.0, one, first).times(1.0, two, -first), 2)

@@ -16,11 +16,13 @@ from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import Quantity, Store
 
-__all__ = ["Answered", "Array", "Table", "tables_of"]
+__all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # The factor by which a prediction must be closer to a wrong answer than the truth is.
 _CLOSER = 10.0
+#: Quantities that are explained after the others: derivatives of v', and what the orders leave
+LATER = ("dv_rate", "residual")
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
@@ -49,11 +51,6 @@ class Answered:
         close = away <= allowed * np.maximum(1.0, larger)
         return np.asarray(close & (~self.left | closer))
 
-    def squared(self) -> Answered:
-        """Return the squares of the answers."""
-        allowed = 2 * np.abs(self.truth) * self.allowed
-        return Answered(self.answer**2, self.truth**2, allowed, self.left)
-
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Table(Answered):
@@ -81,6 +78,11 @@ class Table(Answered):
     def places(self) -> list[dict[str, str]]:
         """The times, numbers and orders of the answers."""
         return [placed(name, self.kind)[1] for name in self.names]
+
+    @cached_property
+    def later(self) -> Array:
+        """Which answers are to quantities that are explained after the others."""
+        return np.array([name.startswith(LATER) for name in self.names])
 
     @cached_property
     def ids(self) -> list[str]:
@@ -130,18 +132,15 @@ def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
     given |= {
         word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")
     }
-    cells = []
-    with arithmetic():
-        for quantity, grade in some:
-            truth = Decimal(grade.truth)
-            cells.append(
-                (
-                    float(as_decimal(grade.answer)),
-                    float(truth),
-                    float(scale_of(quantity, truth)),
-                    grade.needs,
-                )
-            )
+    cells = [
+        (
+            float(as_decimal(grade.answer)),
+            float(Decimal(grade.truth)),
+            float(scale_of(quantity, Decimal(grade.truth))),
+            grade.needs,
+        )
+        for quantity, grade in some
+    ]
     answer, truths, scale, needs = np.array(cells).reshape(-1, 4).T
     rows = np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some])
     return Table(

@@ -1,10 +1,10 @@
-"""Levels 1 to 5: what definitions predict for a table's entries, and the identities by which the
-answers to single quantities are searched.
+"""Levels 1 to 5: the definitions of the quantities, what they predict for a table's entries, and
+the identities by which the answers to single quantities are searched.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -17,44 +17,53 @@ from tippedisk_verify.conformance.diagnosis.terms import Values
 __all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
 
 Results = dict[str, Any]  #: by a quantity's name, one value to an entry
-#: The quantities of level 1, in the order of the equations, and the derivatives of the last one.
+_ORDERS = range(6)
 _RATES = (
-    "Bbar",
-    "gamma_rate",
-    "w_y",
-    "f_G",
-    "gamma_y",
-    "M",
-    "h_1",
-    "h_2",
-    "h_3",
-    "h_4",
-    "h_5",
-    "h",
-    "lambda_Ty",
-    "v_rate",
+    *("Bbar", "gamma_rate", "w_y", "f_G", "gamma_y", "M"),
+    *("h_1", "h_2", "h_3", "h_4", "h_5", "h", "lambda_Ty", "v_rate"),
 )
 _DERIVATIVES = ("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
-_HOPF = (
-    "omega_crit",
-    "period",
-    "transversality",
-    "first_lyapunov_coefficient",
-    "amplitude_squared_slope",
-    "period_slope",
-)
+#: The definitions of the quantities that are searched, in the order of the equations
+_DEFINITIONS: dict[str, dict[str, str]] = {
+    "rhs": {name: name for name in (*_RATES, *_DERIVATIVES)},
+    "equilibrium": {name: name for name in ("A_31", "A_32", "A_33")},
+    "hopf": {
+        "omega_crit": "omega_crit",
+        "period": "hopf_period",
+        "transversality": "transversality",
+        "first_lyapunov_coefficient": "first_lyapunov_coefficient",
+        "amplitude_squared_slope": "amplitude_squared_slope",
+        "period_slope": "period_slope",
+    },
+    "harmonic-balance": {
+        "amplitude": "amplitude",
+        "frequency": "frequency",
+        "period": "law_period",
+    },
+    "slow-manifold": {
+        **{f"h_{n}": "h_next" if n else "h_0" for n in _ORDERS},
+        **{f"residual_{n}": "residual" for n in _ORDERS},
+    },
+}
+#: Definitions that other ones use, by the answered quantity that takes their place
+_ANSWERED = {
+    "v_rate": "answered_rate",
+    "omega_crit": "hopf_speed",
+    "amplitude": "answered_amplitude",
+    "frequency": "answered_frequency",
+}
 #: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the
 #: definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
     **{
-        f"answered_d{x}": f"M answer + d(M)/d({x}) answered_rate - d(force)/d({x})"
+        f"dv_rate_d{x}": f"M answer + d(M)/d({x}) answered_rate - d(force)/d({x})"
         for x in ("beta", "gamma", "v")
     },
-    "amplitude_squared": "(r + e) denominator answer + 4 e excess",
+    "amplitude": "(r + e) denominator answer^2 + 4 e excess",
+    "frequency": "answer^2 - frequency_squared",
     "h_next": "drag answer - recursion",
 }
-_ORDERS = range(6)
 _NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold is differentiated
 _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
@@ -67,9 +76,13 @@ def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values
 
 
 # ---- what definitions predict
-def rates(values: Values) -> Results:
-    """Return the quantities of level 1, each of which is a definition."""
-    return {name: values[name] for name in (*_RATES, *_DERIVATIVES)}
+def results(kind: str, values: Values) -> Results:
+    """Return the quantities of a kind by their definitions."""
+    parts = _PARTS[kind](values) if kind in _PARTS else {}
+    return {
+        name: (values.at(**parts[name]) if name in parts else values)[definition]
+        for name, definition in _DEFINITIONS[kind].items()
+    }
 
 
 def matrix(values: Values, **place: Any) -> Array:
@@ -98,25 +111,34 @@ def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
     return found
 
 
-def _spectrum(matrices: Array, solve: Callable[[Array], Array] = np.linalg.eigvals) -> Results:
-    """Return the eigenvalues of matrices, by descending real part, then imaginary part."""
+def _spectrum(
+    matrices: Array,
+    solve: Callable[[Array], Array] = np.linalg.eigvals,
+    key: Callable[[Array], Array] = np.real,
+    up: int = -1,
+    first: int = -1,
+) -> Results:
+    """Return the eigenvalues of matrices, by descending real part, then imaginary part.
+
+    Args:
+        matrices: The matrices, one to an entry.
+        solve: What gives the eigenvalues.
+        key: What they are sorted by.
+        up: 1 for ascending keys.
+        first: 1 for ascending imaginary parts of those with the same key.
+    """
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
     z = solve(np.where(finite, matrices, 0.0)).astype(complex)
-    z = np.take_along_axis(z, np.lexsort((-z.imag, -np.round(z.real, 9)), axis=-1), axis=-1)
+    order = np.lexsort((first * z.imag, up * np.round(key(z), 9)), axis=-1)
+    z = np.take_along_axis(z, order, axis=-1)
     found = {f"lambda_{n + 1}_re": z[:, n].real for n in range(3)}
     return found | {f"lambda_{n + 1}_im": z[:, n].imag for n in range(3)}
 
 
-def hopf(values: Values) -> Results:
-    """Level 3, from the Taylor coefficients of the equations."""
-    speed = np.sqrt(values["omega_crit_squared"] + 0 * values["r"])
-    at = values.at(**normal_form(values, speed))
-    return {name: at["hopf_period" if name == "period" else name] for name in _HOPF}
-
-
 @np.errstate(all="ignore")
-def normal_form(values: Values, speed: Array) -> dict[str, Array]:
-    """Return the parts of the definitions of level 3 at a speed: sums over the eigenvectors."""
+def normal_form(values: Values) -> dict[str, dict[str, Array]]:
+    """Return the parts of the definitions of level 3, sums over the eigenvectors at the speed."""
+    speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
     j = matrix(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
@@ -127,8 +149,7 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
     faster, slower = matrix(values, Omega=1.5 * speed), matrix(values, Omega=0.5 * speed)
     by_speed = (faster - slower) / speed[:, None, None]  # exact, of squares of the speed
-    found = {"hopf_speed": speed, "derived_omega": omega}
-    found |= {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
+    found = {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
     # The component of the adjoint eigenvector, and what it is multiplied by
     parts = {
         "g_gamma": (1, cubic[0]),
@@ -142,7 +163,7 @@ def normal_form(values: Values, speed: Array) -> dict[str, Array]:
         for name, (row, factor) in parts.items():
             found[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
             found[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
-    return found
+    return dict.fromkeys(_DEFINITIONS["hopf"], found)
 
 
 def _cubic(values: Values, speed: Array, q: Array) -> Array:
@@ -159,13 +180,6 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
     return np.array(
         [np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")]
     )
-
-
-def harmonic(values: Values) -> Results:
-    """Level 4: the one-harmonic law."""
-    square = values["amplitude_squared"]
-    frequency = np.sqrt(values.at(answered_squared=square)["frequency_squared"])
-    return {"amplitude": np.sqrt(square), "frequency": frequency, "period": 2 * np.pi / frequency}
 
 
 def _slope(f: Array, axis: int, radius: Array) -> Array:
@@ -186,84 +200,79 @@ def radius_of(values: Values) -> Array:
     return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
-def orders(values: Values, last: int) -> tuple[list[Array], Callable[[int], dict[str, Any]]]:
-    """The orders of the slow manifold on circles about each state, and what goes into the
-    recursion for each.
+def series(values: Values) -> dict[str, dict[str, Any]]:
+    """Return what goes into each order of the slow manifold, and into what the orders so far
+    leave of the invariance equation.
     """
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
-    definitions = {name: terms for name, terms in values.definitions.items() if name not in state}
-    base = Values(definitions, {**values.given, **state, "v": 1.0})
+    base = values.holding(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]
-
-    def sums(n: int) -> dict[str, Any]:
-        slopes, back = [_slope(one, 0, radius) for one in h[:n]], list(reversed(h[:n]))
-        products = [a * b for a, b in zip(back, slopes, strict=True)]
-        return {
-            "first": np.float64(n == 1),
-            "h_h": sum(a * b for a, b in zip(h, back, strict=False)),
-            "h_dh": sum(products),
-            "h_last": h[n - 1],
-            "dh_last": _slope(h[n - 1], 1, radius),
-            # What is written in their place
-            "h_zero": h[0],
-            "dh_zero": _slope(h[0], 1, radius),
-            "dh_other": slopes[-1],
-            "h_h_last": h[n - 1] ** 2,
-            "h_h_zero": h[0] * h[n - 1],
-            "h_h_own": sum(a**2 for a in h[:n]),
-            "h_dh_zero": h[0] * slopes[-1],
-            "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=False)),
-            "h_dh_last": h[n - 1] * slopes[-1],
-            "h_dh_short": sum(products[:-1]) + 0 * h[0],
-        }
-
     base["recursion_parts"]  # kept for all orders
-    for n in range(1, last + 1):
-        h += [Values(base.definitions, {**base.given, **sums(n)}, dict(base.known))["h_next"]]
-    return h, sums
-
-
-def manifold(values: Values) -> Results:
-    """Level 5: the orders of the slow manifold, and what they leave of the invariance equation."""
-    h, _ = orders(values, _ORDERS[-1])
-    found = {f"h_{n}": _centre(one) for n, one in enumerate(h)}
-    for n in _ORDERS:
-        found[f"residual_{n}"] = values.at(**_partial(values, h[: n + 1]))["residual"]
+    found = {"residual_0": _partial(values, h, radius)}
+    for n in _ORDERS[1:]:
+        sums = _sums(h, radius)
+        found[f"h_{n}"] = {key: _centre(x) for key, x in sums.items()} | {"v": 1.0}
+        h += [Values(base.definitions, {**base.given, **sums}, dict(base.known))["h_next"]]
+        found[f"residual_{n}"] = _partial(values, h, radius)
     return found
+
+
+def _sums(h: list[Array], radius: Array) -> dict[str, Any]:
+    """Return the sums over the orders so far that the next one needs, and what is written in
+    their place.
+    """
+    slopes, back = [_slope(one, 0, radius) for one in h], list(reversed(h))
+    products = [a * b for a, b in zip(back, slopes, strict=True)]
+    return {
+        "first": np.float64(len(h) == 1),
+        "h_h": sum(a * b for a, b in zip(h, back, strict=True)),
+        "h_dh": sum(products),
+        "h_last": h[-1],
+        "dh_last": _slope(h[-1], 1, radius),
+        # What is written in their place
+        "h_zero": h[0],
+        "dh_zero": _slope(h[0], 1, radius),
+        "dh_other": slopes[-1],
+        "h_h_last": h[-1] ** 2,
+        "h_h_zero": h[0] * h[-1],
+        "h_h_own": sum(a**2 for a in h),
+        "h_dh_zero": h[0] * slopes[-1],
+        "h_dh_own": sum(a * b for a, b in zip(h, slopes, strict=True)),
+        "h_dh_last": h[-1] * slopes[-1],
+        "h_dh_short": sum(products[:-1]) + 0 * h[0],
+    }
 
 
 def _centre(x: Any) -> Any:
     return x.mean(axis=(0, 1)).real if np.ndim(x) == 3 else x
 
 
-def _partial(values: Values, h: list[Array]) -> dict[str, Any]:
+def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
     """Return v and its derivatives by the series up to an order, by its last term only, and
     without it.
     """
-    radius, found = radius_of(values), dict[str, Any]()
-    slopes = {
-        "slope_beta": [_slope(one, 0, radius) for one in h],
-        "slope_gamma": [_slope(one, 1, radius) for one in h],
-    }
-    for name, series in {"v": h, **slopes}.items():
-        terms = [values["epsilon"] ** k * _centre(one) for k, one in enumerate(series)]
+    found, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
+    for name, orders in zip(("v", "slope_beta", "slope_gamma"), (h, *slopes), strict=True):
+        terms = [values["epsilon"] ** k * _centre(one) for k, one in enumerate(orders)]
         found[name], found[f"{name}_last"] = sum(terms), terms[-1]
         found[f"{name}_before"] = sum(terms[:-1]) + 0 * values["epsilon"]
     return found
 
 
+#: What definitions take from sums over eigenvectors or orders, by the quantity that they define
+_PARTS: dict[str, Callable[[Values], dict[str, dict[str, Any]]]] = {
+    "hopf": normal_form,
+    "slow-manifold": series,
+}
 #: Functions that give the right answers to questions of a kind, by different formulas
 PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
-    "rhs": (rates,),
+    **{kind: (partial(results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
         lambda values: _spectrum(_closed_matrix(values)),
         lambda values: _spectrum(matrix(values)),
     ),
-    "hopf": (hopf,),
-    "harmonic-balance": (harmonic,),
-    "slow-manifold": (manifold,),
 }
 #: Places at which the equations are linearised instead, by the sentence about the eigenvalues
 _PLACES = {
@@ -288,65 +297,84 @@ _FACTORS = {
     "d(gamma')/d(beta) has the wrong sign in the matrix": np.diag([1.0, -1.0, 1.0]),
     "the matrix has the wrong sign": -np.eye(3),
 }
-
-
+#: Keys that eigenvalues may be sorted by
+_SORTED: dict[str, Callable[[Array], Array]] = {
+    "real parts": np.real,
+    "moduli": np.abs,
+    "imaginary parts": np.imag,
+    "moduli of the imaginary parts": lambda z: np.abs(z.imag),
+}
+_SENSES = {1: "ascending", -1: "descending"}
+_SIGNS = {1: "negative", -1: "positive"}
 _UNIT = np.eye(3)
 
 
 def _variant(
-    place: Mapping[str, str] | None = None, factor: Array = _UNIT, symmetric: str = ""
+    place: Mapping[str, str] | None = None, factor: Array = _UNIT, **how: Any
 ) -> Callable[[Values], Results]:
-    """Return the function that gives the eigenvalues of another matrix.
+    """Return the function that gives other eigenvalues.
 
     Args:
         place: State and speed that replace the right ones.
         factor: Matrix that multiplies the right one from the left.
-        symmetric: "L" or "U" for the symmetric matrix with this lower or upper part.
+        how: How its eigenvalues are found and sorted.
     """
-    solve = partial(np.linalg.eigvalsh, UPLO=symmetric) if symmetric else np.linalg.eigvals
-    return lambda values: _spectrum(factor @ matrix(values, **(place or {})), solve)
+    return lambda values: _spectrum(factor @ matrix(values, **(place or {})), **how)
 
 
-#: Functions that give all answers of a kind where something else was computed, by their sentence
+#: Functions that give the answers of a kind where something else was computed, by their sentence
 VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
     "equilibrium": {
         **{says: _variant(place=place) for says, place in _PLACES.items()},
         **{says: _variant(factor=factor) for says, factor in _FACTORS.items()},
         **{
             f"the eigenvalues are those of a symmetric matrix ({part} part)": _variant(
-                symmetric=part[0].upper()
+                solve=partial(np.linalg.eigvalsh, UPLO=part[0].upper())
             )
             for part in ("lower", "upper")
+        },
+        **{
+            f"the eigenvalues are in another order: {sense} {text}"
+            f", the {sign} imaginary part first": _variant(key=key, up=up, first=first)
+            for text, key in _SORTED.items()
+            for up, sense in _SENSES.items()
+            for first, sign in _SIGNS.items()
         },
     },
 }
 
 
 # ---- the searches
-def problems(table: Table, definitions: Mapping[str, Any]) -> list[Problem]:
+def problems(table: Table, base: Values) -> list[Problem]:
     """Return the quantities of a table that can be searched alone, in the order of the
-    equations.
+    equations; each from the answers that its definition uses.
     """
-    found = _PROBLEMS[table.kind](table, base_of(definitions, table))
+    given = {
+        definition: _or_else(table.column(name).answer, base[definition])
+        for name, definition in _ANSWERED.items()
+        if name in table.names
+    }
+    base = base.holding(**given)
+    parts = _PARTS[table.kind](base) if table.kind in _PARTS else {}
+    columns = _entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
+    found = []
+    for name, definition in _DEFINITIONS[table.kind].items():
+        cells = columns.get(name) or table.column(name)
+        rows = np.flatnonzero(np.isfinite(cells.answer))
+        inputs = {**base.given, **parts.get(name, {})}
+        found += [
+            Problem(
+                cells.answer[rows],
+                cells.truth[rows],
+                cells.allowed[rows],
+                cells.left[rows],
+                name,
+                definition,
+                _IDENTITIES.get(definition, f"answer - {definition}"),
+                {key: x[rows] if np.ndim(x) else x for key, x in inputs.items()},
+            )
+        ]
     return [problem for problem in found if problem.answer.size]
-
-
-def _problem(
-    name: str, base: Values, cells: Answered, definition: str = "", **given: Any
-) -> Problem:
-    """Return the problem of a definition, where there are answers."""
-    rows, definition = np.flatnonzero(np.isfinite(cells.answer)), definition or name
-    inputs = {key: x[rows] if np.ndim(x) else x for key, x in {**base.given, **given}.items()}
-    return Problem(
-        cells.answer[rows],
-        cells.truth[rows],
-        cells.allowed[rows],
-        cells.left[rows],
-        name,
-        definition,
-        _IDENTITIES.get(definition, f"answer - {definition}"),
-        inputs,
-    )
 
 
 def _or_else(answers: Array, values: Any) -> Array:
@@ -354,79 +382,26 @@ def _or_else(answers: Array, values: Any) -> Array:
     return np.where(np.isfinite(answers), answers, values)
 
 
-def _of_rates(table: Table, base: Values) -> Iterator[Problem]:
-    """Level 1: the definitions, and the derivatives of v' with the answers to v' itself."""
-    for name in _RATES:
-        yield _problem(name, base, table.column(name))
-    rate = _or_else(table.column("v_rate").answer, base["v_rate"])
-    for name in _DERIVATIVES:
-        definition = name.replace("dv_rate", "answered")
-        yield _problem(name, base, table.column(name), definition, answered_rate=rate)
-
-
-def _of_matrix(table: Table, base: Values) -> Iterator[Problem]:
-    """Level 2: the entries of the matrix, from the coefficients of the eigenvalues' polynomial."""
+def _entries(table: Table, omega: Array) -> dict[str, Answered]:
+    """Return the entries of the matrices with the answered eigenvalues, from the coefficients of
+    their polynomial.
+    """
     cells = [[table.column(f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
-    z = np.array([re.answer + 1j * im.answer for re, im in cells])
-    right = np.array([re.truth + 1j * im.truth for re, im in cells])
-    near, size = sum(re.allowed + im.allowed for re, im in cells), np.abs(right).sum(axis=0)
-    answers, truths = _entries(z, base["Omega"]), _entries(right, base["Omega"])
-    units = (size, size**2 / base["Omega"], 1.0)
-    for n, (answer, truth, unit) in enumerate(zip(answers, truths, units, strict=True)):
-        wrong = np.abs(answer - truth) > near * unit
-        yield _problem(f"A_3{n + 1}", base, Answered(answer, truth, near * unit, wrong))
+    near = sum(re.allowed + im.allowed for re, im in cells)
+    answers, truths = (
+        np.array([getattr(re, which) + 1j * getattr(im, which) for re, im in cells])
+        for which in ("answer", "truth")
+    )
+    size = np.abs(truths).sum(axis=0)
+    right, found = _coefficients(truths, omega), dict[str, Answered]()
+    for name, answer in _coefficients(answers, omega).items():
+        allowed = near * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
+        wrong = np.abs(answer - right[name]) > allowed
+        found[name] = Answered(answer, right[name], allowed, wrong)
+    return found
 
 
-def _entries(z: Array, omega: Array) -> tuple[Array, Array, Array]:
-    """Return A_31, A_32 and A_33 of a matrix with these eigenvalues."""
+def _coefficients(z: Array, omega: Array) -> dict[str, Array]:
     pairs = z[0] * z[1] + z[0] * z[2] + z[1] * z[2]
-    return -pairs.real, z.prod(axis=0).real / omega, z.sum(axis=0).real
-
-
-def _of_hopf(table: Table, base: Values) -> Iterator[Problem]:
-    """Level 3, at the answered speed."""
-    speed = _or_else(table.column("omega_crit").answer, np.sqrt(base["omega_crit_squared"]))
-    at = base.at(**normal_form(base, speed))
-    for name in _HOPF:
-        definition = "hopf_period" if name == "period" else name
-        yield _problem(name, at, table.column(name), definition)
-
-
-def _of_law(table: Table, base: Values) -> Iterator[Problem]:
-    """Level 4: the squares of amplitude and frequency, and the period; each from the answer before
-    it.
-    """
-    amplitude, frequency = (table.column(name) for name in ("amplitude", "frequency"))
-    square = amplitude.squared()
-    yield _problem("amplitude", base, square, "amplitude_squared")
-    given = {"answered_squared": square.answer}
-    yield _problem("frequency", base, frequency.squared(), "frequency_squared", **given)
-    given = {"answered_frequency": frequency.answer}
-    yield _problem("period", base, table.column("period"), "law_period", **given)
-
-
-def _of_manifold(table: Table, base: Values) -> Iterator[Problem]:
-    """Level 5: the first order that is wrong, with right ones before it; the first wrong residual
-    if the orders are right.
-    """
-    names = [f"{stem}_{n}" for stem in ("h", "residual") for n in _ORDERS]
-    wrong = [name for name in names if table.left[table.names == name].any()]
-    for name in wrong[:1]:
-        cells, n = table.column(name), int(name[-1])
-        if name == "h_0":
-            yield _problem(name, base, cells)
-        elif name.startswith("h_"):
-            more = {key: _centre(x) for key, x in orders(base, n - 1)[1](n).items()}
-            yield _problem(name, base, cells, "h_next", v=1.0, **more)
-        else:
-            more = _partial(base, orders(base, n)[0])
-            yield _problem(name, base, cells, "residual", **more)
-
-
-_PROBLEMS = {
-    "rhs": _of_rates,
-    "equilibrium": _of_matrix,
-    "hopf": _of_hopf,
-    "harmonic-balance": _of_law,
-    "slow-manifold": _of_manifold,
-}
+    last = (-pairs.real, z.prod(axis=0).real / omega, z.sum(axis=0).real)
+    return dict(zip(_DEFINITIONS["equilibrium"], last, strict=True))

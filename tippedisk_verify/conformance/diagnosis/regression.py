@@ -12,28 +12,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from functools import cached_property
+from itertools import combinations, islice
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
 from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
-from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed, shown
+from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Problem", "Search", "likelihood", "made"]
 
-_SAMPLES = 40  # rows on which changes are tried; all others confirm
+_SAMPLES = 40  # wrong answers on which changes are tried; all others confirm
+_RIGHT_SAMPLES = 8  # right ones beside them
 _SAME = 1e-9  # relative difference of sums that are equal but for rounding
 _NOTHING = 1e-2  # of the allowed error; smaller changes do not count
 _DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
-_CHEAP = 2  # effort up to which all programs are tried
-_FIRSTS = 24  # changes that are made first, where changes multiply
+_HIGHEST_RANKS = {1: 9, 2: 2, 3: 1}  # of so many changes at once
+_FIRSTS = 12  # changes that are made first, where changes multiply
 # Digits that answers must tell to bear out changes: in all, and for each change
 _ASSUMED = (2.0, 3.0)
 _CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED = 6  # digits of a number that somebody types in
+_SOLVED = 4  # changes that answers must bear out for such a number
 Set = tuple[Change, ...]
 
 
@@ -53,19 +56,23 @@ class Problem(Answered):
         """
         return bool(self.fitted(np.real(values[self.definition]) + 0 * self.answer).all())
 
+    @cached_property
     def sample(self) -> Array:
-        """Return the rows on which changes are tried, most of them of wrong answers."""
-        wrong, right = np.flatnonzero(self.left), np.flatnonzero(~self.left)
-        wrong = wrong[:: max(1, len(wrong) // _SAMPLES)][:_SAMPLES]
-        right = right[:: max(1, len(self.left) // 8)][:8]
-        return np.sort(np.concatenate((wrong, right)))
+        """The rows on which changes are tried, most of them of wrong answers."""
+        picked = []
+        for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
+            rows = np.flatnonzero(mask)
+            picked.append(rows[:: max(1, len(rows) // most)][:most])
+        return np.sort(np.concatenate(picked))
 
+    @cached_property
     @np.errstate(all="ignore")
-    def evidence(self) -> float:
-        """Return the digits that an exact prediction explains, of answers that differ."""
+    def most(self) -> int:
+        """The number of changes that the answers bear out; each takes digits, and a row."""
         digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.left]
         _, first = np.unique([f"{x:.8e}" for x in self.answer[self.left]], return_index=True)
-        return float(np.clip(np.nan_to_num(digits[first]), 0, 8).sum())
+        evidence = np.clip(np.nan_to_num(digits[first]), 0, 8).sum()
+        return min(int((evidence - _ASSUMED[0]) / _ASSUMED[1]), len(self.sample))
 
 
 def likelihood(some: Iterable[Change]) -> list[int]:
@@ -93,7 +100,7 @@ class Search:
         self, problem: Problem, programs: Sequence[tuple[Values, frozenset[str]]], efforts: int
     ) -> list[tuple[int, Set]]:
         """Return the fewest changes that give all answers: the index of a program, and the changes
-        that it needs; more than one where one or two changes of other programs do as well.
+        that it needs; one for each program that needs no more.
 
         Args:
             problem: The answers to one quantity.
@@ -102,99 +109,71 @@ class Search:
             efforts: 1 looks for single changes, 2 for two, 3 for three, 4 for changes that
                 multiply; the lower ones come first.
         """
-        evidence, rows = problem.evidence(), problem.sample()
-        effects: list[_Effects] = []
-        found: list[tuple[int, Set]] = []
-        for effort, (index, (program, right)) in product(
-            range(1, efforts + 1), enumerate(programs)
-        ):
-            if found and (index == 0 or effort > _CHEAP):
-                break
-            if index == len(effects) and self.left > 0 and evidence > sum(_ASSUMED):
-                effects.append(self.effects(problem, program, rows, right))
-            for assumed, some in self.proposed(effects[index], effort) if effects[index:] else ():
-                told = evidence > _ASSUMED[0] + _ASSUMED[1] * assumed and len(rows) >= assumed
-                if told and problem.fits(made(program, some)):
-                    found.append((index, some))
-                    break
-        return found
+        effects = [
+            self.effects(problem, program, right)
+            for program, right in programs
+            if self.left > 0 and problem.most > 0
+        ]
+        for effort in range(1, efforts + 1):
+            found = [
+                (index, some)
+                for index, of in enumerate(effects)
+                for some in islice(filter(of.fits, self.proposed(of, effort)), 1)
+            ]
+            if found:
+                return found
+        return []
 
-    def effects(
-        self, problem: Problem, program: Values, rows: Array, right: frozenset[str]
-    ) -> _Effects:
-        found = _Effects(problem, program, rows, right)
+    def effects(self, problem: Problem, program: Values, right: frozenset[str]) -> _Effects:
+        found = _Effects(problem, program, right)
         self.left -= len(found.changes)
         return found
 
-    def proposed(self, of: _Effects, effort: int) -> Iterator[tuple[int, Set]]:
-        """Yield sets of changes, with the number of changes that answers have to bear out."""
-        highest_ranks = {1: 9, 2: 2, 3: 1}
-        for some in of.sums(effort, highest_ranks[effort]) if effort in highest_ranks else ():
-            yield effort, some
-        for solved in of.solved() if effort == 2 else ():
-            yield 4, (solved,)
-        firsts = of.firsts() if effort == 4 else []
-        after: dict[Change, _Effects] = {}
-        for sizes_and_ranks in (((1, 0),), ((1, 2), (2, 1))):  # all of the likeliest ones first
-            for first in firsts:
-                if first not in after and self.left > 0:
-                    start = of.program.changed(first.pieces)
-                    after[first] = self.effects(of.problem, start, of.rows, of.right)
-                for size, highest in sizes_and_ranks if first in after else ():
-                    for rest in after[first].sums(size, highest):
-                        yield size + 1, _merged(first, rest, of.program)
-
-
-def _merged(first: Change, rest: Set, base: Values) -> Set:
-    """Return a change and those after it. Two changes of the same term become one, with the
-    result of both in its sentence.
-    """
-    merged = []
-    for change in rest:
-        name, index, new = change.pieces[0]
-        if index is not None and (name, index) in first.places:
-            says = f"in {name}: {shown(new)} for {shown((base.terms(name)[index],))}"
-            change = Change(change.pieces, says, change.rank)
-        merged.append(change)
-    over = {place for change in rest for place in change.places}
-    return tuple(merged) if over >= set(first.places) else (first, *merged)
+    def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
+        """Yield sets of changes that may give the answers."""
+        if effort in _HIGHEST_RANKS:
+            yield from of.sums(effort, _HIGHEST_RANKS[effort])
+            yield from of.solved() if effort == 2 else ()
+        elif self.left > 0:
+            for first in of.firsts():
+                after = self.effects(of.problem, of.program.changed(first.pieces), of.right)
+                for size, highest in ((1, 2), (2, 1)):
+                    for rest in after.sums(size, highest):
+                        yield (first, *rest)
 
 
 class _Effects:
     """The effects of all single changes on the residual, in units of what is allowed."""
 
-    def __init__(
-        self, problem: Problem, program: Values, rows: Array, right: frozenset[str]
-    ) -> None:
-        self.problem, self.program, self.rows, self.right = problem, program, rows, right
-        self.identity = parsed(problem.identity)
+    def __init__(self, problem: Problem, program: Values, right: frozenset[str]) -> None:
+        self.problem, self.program, self.right = problem, program, right
+        self.identity, rows = parsed(problem.identity), problem.sample
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
-        self.values = program.at(**given, answer=answer)
+        self.values = values = program.at(**given, answer=answer)
         moved = program.at(**given, answer=answer + allowed)
-        residual = self.total(self.values)
-        self.unit = np.abs(self.total(moved) - residual)
-        self.residual = residual / self.unit
-        behind = (self.values.behind(name) for term in self.identity for name, _ in term.factors)
-        self.names = frozenset[str]().union(*behind) - {"answer"} - right
+        self.unit = unit = np.abs(self.total(moved) - self.total(values))
+        self.residual = self.total(values) / unit
+        self.names = values.total(self.identity)[1] - {"answer"} - right
         # The weights of a sum over the rows that tells effects apart
-        self.weights = np.random.default_rng(5).uniform(0.5, 1.5, (len(rows), 2)) / len(rows)
-        self.weights[1::2] *= -1
-        # Changes with the same effect, the likeliest first
-        groups: dict[str, list[Change]] = {}
-        effects: dict[str, Array] = {}
-        for change in sorted(changes(self.values, self.names), key=lambda change: change.order):
-            effect = self.total(self.values.changed(change.pieces)) / self.unit - self.residual
+        self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
+        groups: dict[str, tuple[Array, list[Change]]] = {}
+        for change in sorted(changes(values, self.names), key=lambda change: change.order):
+            effect = self.total(values.changed(change.pieces)) / unit - self.residual
             if np.isfinite(effect).all() and np.abs(effect).max() > _NOTHING:
-                mark = "{:.8e} {:.8e}".format(*(effect @ self.weights))
-                groups.setdefault(mark, []).append(change)
-                effects.setdefault(mark, effect)
-        self.changes = [replace(first, others=tuple(more)) for first, *more in groups.values()]
-        self.effects = np.array(list(effects.values())).reshape(-1, len(rows))
+                mark = f"{effect @ self.weights:.8e}"
+                groups.setdefault(mark, (effect, []))[1].append(change)
+        # The likeliest of the changes with the same effect
+        self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
+        self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
+
+    def fits(self, some: Set) -> bool:
+        """Return True if the answers bear out so many changes, and come from them."""
+        return len(some) <= self.problem.most and self.problem.fits(made(self.program, some))
 
     def total(self, values: Values) -> Array:
         """Return the sum that vanishes for right answers."""
-        return np.real(values.total(self.identity)[0] + 0 * self.values.given["answer"])
+        return np.real(values.total(self.identity)[0] + 0 * values.given["answer"])
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
         """Yield sets of changes whose effects cancel the residual, the likeliest first.
@@ -207,8 +186,8 @@ class _Effects:
         if len(likely) < size:
             return
         # All changes but the last one, and the sum that the last one has to have
-        marks = self.effects[likely] @ self.weights[:, 0]
-        target = -float(self.residual @ self.weights[:, 0])
+        marks = self.effects[likely] @ self.weights
+        target = -float(self.residual @ self.weights)
         groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
         missing = target - marks[groups].sum(axis=1)
         room = _SAME * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
@@ -233,7 +212,7 @@ class _Effects:
         left = np.abs(self.residual + chosen.sum(axis=0))
         return len(set(places)) == len(places) and bool((left <= room).all())
 
-    def solved(self) -> Iterator[Change]:
+    def solved(self) -> Iterator[Set]:
         """Yield one parameter with another value, the same for all, that is solved for by the
         secant method.
         """
@@ -246,10 +225,10 @@ class _Effects:
                 if now == off or not np.isfinite(now):
                     break
                 last, off, x = x, now, float(x - now * (x - last) / (now - off))
-            value = float(f"{x:.{_TYPED}g}")
-            if np.isfinite(value) and value != old:
-                piece = (name, None, (Term(value, ()),))
-                yield Change((piece,), f"the inputs: {name} = {value:g}", 3)
+            if np.isfinite(x) and self.problem.most >= _SOLVED:
+                text = f"{x:.{_TYPED}g}"
+                piece = (name, None, (Term(float(text), ()),))
+                yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
 
     def firsts(self) -> list[Change]:
         """The changes whose effects point along the residual, those first that leave least of

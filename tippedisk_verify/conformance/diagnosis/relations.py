@@ -12,7 +12,7 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from itertools import product
+from itertools import chain, product
 from typing import NamedTuple
 
 import numpy as np
@@ -129,8 +129,23 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {
     "is 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
-#: Neighbours in a list of questions, by how far they are away
-_NEAR = {"next": 1, "previous": -1, "next but one": 2, "last but one": -2}
+#: Lists that questions stand in, by the pattern of the place in an id
+_LISTS = {
+    "entry": r"/([^/]+)/[^/]+$",
+    "sample in time": r"@([^/@]+)$",
+    "crossing": r"#(\d+)$",
+    "order": r"/(?:h|residual)_(\d+)$",
+}
+#: What stands in the places of such a list instead; "" for nothing
+_MOVED: dict[str, Callable[[list[str]], list[str]]] = {
+    "the next": lambda places: places[1:],
+    "the previous": lambda places: ["", *places],
+    "the next but one": lambda places: places[2:],
+    "the last but one": lambda places: ["", "", *places],
+    "the first": lambda places: places[:1] * len(places),
+    "every second": lambda places: places[1::2],
+    "every second, from the first on,": lambda places: places[::2],
+}
 #: Words of ids that may be exchanged
 _WORDS = (
     ("inverted", "noninverted"),
@@ -138,13 +153,6 @@ _WORDS = (
     ("stable", "unstable"),
     ("linear", "smooth"),
 )
-#: Keys that eigenvalues may be sorted by
-_SORTED: dict[str, _Function] = {
-    "real parts": np.real,
-    "moduli": np.abs,
-    "imaginary parts": np.imag,
-    "moduli of the imaginary parts": lambda z: np.abs(z.imag),
-}
 
 
 class Relation(NamedTuple):
@@ -168,8 +176,6 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
             yield rank, f"{{q}} {text}", function(x)
     turns = np.round((table.answer - x) / (2 * _PI))
     yield 3, "{q} is off by whole turns", x + 2 * _PI * turns
-    if any("order" in place for place in table.places):
-        yield from _of_orders(table, truths)
     for rank, says, ids in _exchanged(table):
         yield rank, says, _right_values(truths, ids)
     others = _other_values(table, truths)
@@ -177,61 +183,31 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
         y = np.where(table.stems == name, np.nan, values)
         for n, (text, of_two) in enumerate(_OF_TWO.items()) if np.isfinite(y).any() else ():
             yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", of_two(x, y)
-    if {"lambda_3_re", "lambda_3_im"} <= others.keys():
-        yield from _sorted(table, others)
     yield from _rounded(table)
-
-
-def _of_orders(table: Table, truths: Mapping[str, float]) -> Iterator[Prediction]:
-    """Yield the orders of the slow manifold with a power of epsilon or a factorial, and their
-    partial sums.
-    """
-    epsilon = table.given["epsilon"][table.rows]
-    order = np.array([float(place.get("order", "nan")) for place in table.places])
-    factorial = np.array([math.factorial(int(n)) if n >= 0 else np.nan for n in order])
-    for text, factor in {
-        "epsilon^n": epsilon**order,
-        "1/epsilon^n": epsilon**-order,
-        "n!": factorial,
-        "1/n!": 1 / factorial,
-    }.items():
-        yield 3, f"{{q}} has the factor {text}", factor * table.truth
-    for text, share in {"epsilon^k times ": epsilon, "": np.ones_like(epsilon)}.items():
-        sums = 0 * order
-        for k in range(int(np.nanmax(order)) + 1):
-            term = _right_values(truths, [re.sub(r"\d+$", str(k), id_) for id_ in table.ids])
-            sums = sums + np.where(order >= k, share**k * term, 0.0)
-        yield 3, f"{{q}} is the sum of {text}all orders so far", sums
 
 
 def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
     """Yield exchanged questions: the rank, the sentence, and the ids whose right values stand in
-    the wrong places; "" where there is none.
+    the wrong places.
     """
     for one, two in _WORDS:
         what = "law" if one == "linear" else f"{two}/{one}"
         yield 2.5, f"{{q}} has the values of the other {what}", _with_words(table, one, two)
-    first = [f"{table.entries[0]}/{name}" for name in table.names]
-    yield 3, "{q} has the values of the first entry", first
-    times = sorted({name.split("@")[1] for name in table.names if "@" in name}, key=float)
-    for text, by in _NEAR.items():
-        entries = dict(enumerate(table.entries))
-        moved = [
-            f"{entries.get(row + by)}/{name}"
-            for row, name in zip(table.rows, table.names, strict=True)
-        ]
-        later = dict(zip(times[max(0, -by) :], times[max(0, by) :], strict=False))
-        samples = [f"{id_.split('@')[0]}@{later.get(id_.split('@')[-1])}" for id_ in table.ids]
-        for what, ids in {
-            "entry": moved,
-            "sample in time": samples,
-            "crossing": _renumbered(table, "#", 1, by),
-            "order": _renumbered(table, "_", 1, by),
-        }.items():
-            yield 3, f"{{q}} has the values of the {text} {what}", ids
-    for text, by in {"second, third, fifth": -1, "second, fourth": 0}.items():
-        says = f"{{q}} counts crossings in one direction only ({text}, ...)"
-        yield 3, says, _renumbered(table, "#", 2, by)
+    for what, pattern in _LISTS.items():
+        matches = [re.search(pattern, id_) for id_ in table.ids]
+        places = list(dict.fromkeys(match[1] for match in matches if match))
+        if what != "entry":
+            places.sort(key=float)
+        for text, moved in _MOVED.items() if places else ():
+            others = dict(zip(places, moved(places), strict=False))
+            ids = [_put(match, others) if match else "" for match in matches]
+            yield 3, f"{{q}} has the values of {text} {what}", ids
+
+
+def _put(match: re.Match[str], others: Mapping[str, str]) -> str:
+    """Return the text of a match with another one in the place of its group."""
+    start, end = match.span(1)
+    return match.string[:start] + others.get(match[1], "") + match.string[end:]
 
 
 def _with_words(table: Table, one: str, two: str) -> list[str]:
@@ -240,31 +216,31 @@ def _with_words(table: Table, one: str, two: str) -> list[str]:
     return [pattern.sub(lambda match: other[match[0]], id_) for id_ in table.ids]
 
 
-def _renumbered(table: Table, mark: str, factor: int, by: int) -> list[str]:
-    """Return the ids with the number after a mark multiplied and shifted; "" if there is no mark."""
-    found = (re.fullmatch(rf"(.*{mark})(\d+)", id_) for id_ in table.ids)
-    return [f"{match[1]}{factor * int(match[2]) + by}" if match else "" for match in found]
-
-
 def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]:
     """Return what an answer may be related to, by name: the right values of the other quantities
-    of its entry, and the entry's inputs.
+    of its entry, the entry's inputs, and what belongs to an order.
     """
     found = {}
+    names = list(zip(table.ids, table.stems, table.names, strict=True))
     for name in np.unique(table.stems).tolist():
-        places = [
-            full.removeprefix(stem) for full, stem in zip(table.names, table.stems, strict=True)
-        ]
-        ids = [
-            f"{table.entries[row]}/{name}{place}"
-            for row, place in zip(table.rows, places, strict=True)
-        ]
+        ids = [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names]
         found[name] = _right_values(truths, ids)
     for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
         sort = "parameter" if name in SYMBOLS else "input"
         found[f"the {sort} {name}"] = table.given[name][table.rows]
     if "period" in found:
         found["the angular frequency"] = 2 * _PI / found["period"]
+    order = np.array([float(place.get("order", "nan")) for place in table.places])
+    found["epsilon^n"] = found["the parameter epsilon"] ** order
+    found["n!"] = np.array([math.gamma(n + 1) for n in order])
+    sums = [0 * order, 0 * order]
+    for k in range(int(np.nanmax(order, initial=-1)) + 1):
+        term = _right_values(truths, [re.sub(r"\d+$", str(k), id_) for id_ in table.ids])
+        for n, share in enumerate((1.0, found["the parameter epsilon"] ** k)):
+            sums[n] = sums[n] + np.where(order >= k, share * term, 0.0)
+    found["the sum of all orders so far"], found["the sum of epsilon^k times all orders so far"] = (
+        sums
+    )
     return found
 
 
@@ -272,55 +248,41 @@ def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
     return np.array([truths.get(id_, np.nan) for id_ in ids])
 
 
-def _sorted(table: Table, others: Mapping[str, Array]) -> Iterator[Prediction]:
-    """Yield the right eigenvalues in another order; equal ones, and conjugates, by the sign of the
-    imaginary part.
-    """
-    z = np.array([others[f"lambda_{n}_re"] + 1j * others[f"lambda_{n}_im"] for n in (1, 2, 3)])
-    answers, number = np.arange(len(table.names)), [int(name[7]) - 1 for name in table.names]
-    for (text, key), up, first in product(_SORTED.items(), (1, -1), (-1, 1)):
-        order = np.lexsort((first * z.imag, np.round(up * key(z), 7)), axis=0)
-        picked = z[order[number, answers], answers]
-        says = f"the eigenvalues are in another order: {'ascending' if up > 0 else 'descending'} {text}"
-        if text != "imaginary parts":
-            says += f", the {'positive' if first < 0 else 'negative'} imaginary part first"
-        yield 1, says, np.where(np.char.endswith(table.names, "_im"), picked.imag, picked.real)
-
-
 def _rounded(table: Table) -> Iterator[Prediction]:
     """Yield answers with few digits: whole multiples of a unit, within half of it or the whole one
     of the right values.
     """
-    x, answer, allowed = table.truth, table.answer, table.allowed
+    x, answer = table.truth, table.answer
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
-    shorter = np.abs(answer) <= np.abs(x) + allowed
+    away = np.abs(answer - x) - table.allowed
+    shorter = np.abs(answer) <= np.abs(x) + table.allowed
     for digits, (word, share) in product(
         range(1, 13), {"decimal": 0, "significant digit": 1}.items()
     ):
         unit = 10.0 ** (size * share - digits)
         whole = np.abs(answer - unit * np.round(answer / unit)) < 1e-6 * unit + 1e-15 * np.abs(x)
-        away, words = np.abs(answer - x) - allowed, f"{digits} {word}{'s' if digits > 1 else ''}"
-        rank = 1 + digits / 100 + share / 1000
-        rounded, truncated = (
-            whole & (away < 0.5001 * unit),
-            whole & (away < 1.0001 * unit) & shorter,
-        )
-        yield rank, f"{{q}} is rounded to {words}", np.where(rounded, answer, x)
-        yield rank + 1, f"{{q}} is truncated to {words}", np.where(truncated, answer, x)
+        words, rank = f"{digits} {word}{'s' if digits > 1 else ''}", 1 + digits / 100 + share / 1000
+        rounded, truncated = away < 0.5001 * unit, (away < 1.0001 * unit) & shorter
+        yield rank, f"{{q}} is rounded to {words}", np.where(whole & rounded, answer, x)
+        yield rank + 1, f"{{q}} is truncated to {words}", np.where(whole & truncated, answer, x)
 
 
 @np.errstate(all="ignore")
-def related(table: Table, truths: Mapping[str, float]) -> list[Relation]:
+def related(
+    table: Table, truths: Mapping[str, float], variants: Mapping[str, Array]
+) -> list[Relation]:
     """Return the relations that give the wrong answers to a quantity.
 
     Args:
         table: The answers.
         truths: The right values by id, of this and of other tables.
+        variants: The answers where something else was computed, by its sentence.
     """
     found = []
     stems, group = np.unique(table.stems, return_inverse=True)
     wrong, conditions = np.bincount(group, table.left), list(_conditions(table))
-    for rank, says, predicted in _predictions(table, truths) if table.left.any() else ():
+    others = ((1, says, predicted) for says, predicted in variants.items())
+    for rank, says, predicted in chain(others, _predictions(table, truths)):
         known = np.isfinite(predicted)
         fits = table.fitted(predicted) & known
         mine, against = fits & table.left, known & ~fits
@@ -347,18 +309,26 @@ def related(table: Table, truths: Mapping[str, float]) -> list[Relation]:
     return found
 
 
-def _conditions(table: Table) -> Iterator[tuple[str, Array]]:
-    """No condition, and conditions on a question that the wrong answers satisfy."""
+def _conditions(
+    table: Table, signed: Mapping[str, Array] | None = None
+) -> Iterator[tuple[str, Array]]:
+    """Yield no condition, and the conditions on a question that wrong answers satisfy.
+
+    Args:
+        table: The answers.
+        signed: What may be negative, zero or positive, one value to an entry.
+    """
     yield "", np.ones_like(table.left)
-    sets = np.array([entry.split("/")[0] for entry in table.entries])
-    for name, values in {
-        "equilibrium": table.given["equilibrium"],
-        "form": table.given["form"],
-        "set": sets,
-    }.items():
+    words = {name: table.given[name] for name in ("equilibrium", "form")}
+    words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
+    for name, values in words.items():
         picked = np.unique(values[table.rows][table.left])
         if len(picked) == 1 and (values != picked[0]).any():
             yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
+    for name, values in (signed or {}).items():
+        sign = np.sign(values + 0 * table.given["r"])[table.rows]
+        for symbol, side in (("<", -1), ("=", 0), (">", 1)):
+            yield f" where {name} {symbol} 0", sign == side
 
 
 def where(table: Table, gamma_y: Array) -> str:
@@ -366,27 +336,17 @@ def where(table: Table, gamma_y: Array) -> str:
     satisfy and others do not.
     """
     stems = np.unique(table.stems[table.left])
-    same = np.isin(table.stems, stems)
+    same, given = np.isin(table.stems, stems), table.given
     names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
-    given = table.given
-    sides = [(text[1:], mask) for text, mask in _conditions(table) if text]
-    for key, x in {
+    signed = {
         "v": given["v"],
         "cos(beta)": np.cos(given["beta"]),
         "gamma_y": gamma_y,
         "cos(gamma)": np.cos(given["gamma"]),
-    }.items():
-        x = (x + 0 * given["r"])[table.rows]
-        sides += [
-            (f"where {key} {sign} 0", mask)
-            for sign, mask in (("<", x < 0), ("=", x == 0), (">", x > 0))
-        ]
-    for text, mask in sides:
-        if (
-            (~mask & same).sum() > _FEW
-            and not (table.left & ~mask).any()
-            and table.left[mask & same].mean() >= _MOSTLY
-        ):
-            return f"{names} {text}"
+    }
+    for text, mask in _conditions(table, signed):
+        inside, outside = table.left[mask & same], table.left[~mask & same]
+        if len(outside) > _FEW and not outside.any() and inside.mean() >= _MOSTLY:
+            return names + text
     return names

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -36,14 +36,14 @@ Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 def _flown(
-    rates: Callable[[Array], Array], state: Array, time: float, step: float, scheme: Scheme
+    rates: Callable[..., Sequence[Array]], state: Array, time: float, step: float, scheme: Scheme
 ) -> Array:
     """Return the states after a time [s] by a method with a fixed step [s]."""
     _, shares, weights = scheme
     for _ in range(max(1, round(time / step))):
-        slopes = [rates(state)]
+        slopes = [np.array(rates(*state))]
         for share in shares:
-            slopes.append(rates(state + step * share * slopes[-1]))
+            slopes.append(np.array(rates(*(state + step * share * slopes[-1]))))
         state = state + step * np.asarray(np.tensordot(weights, slopes, axes=1))
     return state
 
@@ -70,10 +70,7 @@ def method(table: Table) -> str:
     vector_field = field(np, constants, omega, table.friction)
 
     def errors_of(scheme: Scheme, step: float) -> Array:
-        def rates(state: Array) -> Array:
-            return np.array(vector_field(*state))
-
-        return np.asarray(_flown(rates, np.array(start), time, step, scheme) - truths)
+        return np.asarray(_flown(vector_field, np.array(start), time, step, scheme) - truths)
 
     size = float(np.linalg.norm(errors))
     for name, scheme in _METHODS.items():

@@ -41,42 +41,33 @@ class Term(NamedTuple):
 
     def text(self) -> str:
         size = Fraction(abs(self.number)).limit_denominator(1000)
-        number = (
-            str(size) if abs(float(size) - abs(self.number)) < 1e-12 else f"{abs(self.number):g}"
-        )
-        parts = {1: [], -1: []}  # type: dict[int, list[str]]
+        exact = abs(float(size) - abs(self.number)) < 1e-12
+        number = str(size) if exact else f"{abs(self.number):g}"
+        above, below = list[str](), list[str]()
         for name, power in self.factors:
-            if power:
-                parts[1 if power > 0 else -1].append(
-                    name + (f"^{abs(power)}" if abs(power) != 1 else "")
-                )
-        above = parts[1] if number == "1" and parts[1] else [number, *parts[1]]
-        return "-" * (self.number < 0) + " / ".join([" ".join(above), *parts[-1]])
-
-    def times(self, number: float, name: str = "", power: int = 1) -> Term:
-        """Return the product with a number and a power of a factor; factors of power 0 vanish."""
-        powers = dict(self.factors)
-        powers[name] = powers.get(name, 0) + power
-        kept = (item for item in powers.items() if item[0] not in _ONE and item[1])
-        return Term(self.number * number, tuple(kept))
+            exponent = f"^{abs(power)}" if abs(power) != 1 else ""
+            (above if power > 0 else below).append(name + exponent)
+        if number != "1" or not above:
+            above = [number, *above]
+        return "-" * (self.number < 0) + " / ".join([" ".join(above), *below])
 
     def by(self, other: Term) -> Term:
-        """Return the product of two terms."""
-        product = self.times(other.number)
-        for name, power in other.factors:
-            product = product.times(1.0, name, power)
-        return product
+        """Return the product of two terms; factors of power 0 vanish."""
+        powers = dict[str, int]()
+        for name, power in (*self.factors, *other.factors):
+            powers[name] = powers.get(name, 0) + power
+        kept = (item for item in powers.items() if item[0] not in _ONE and item[1])
+        return Term(self.number * other.number, tuple(kept))
+
+    def times(self, number: float, name: str = "", power: int = 1) -> Term:
+        """Return the product with a number and a power of a factor."""
+        return self.by(Term(number, ((name, power),)))
 
     def put(self, old: str, new: str, power: int) -> Term:
         """Return the term with another factor in place of ``power`` powers of an old one."""
         at = [name for name, _ in self.factors].index(old)
-        before, after = self.factors[:at], self.factors[at:]
-        return (
-            Term(self.number, before)
-            .times(1.0, new, power)
-            .by(Term(1.0, after))
-            .times(1.0, old, -power)
-        )
+        factors = (*self.factors[:at], (new, power), *self.factors[at:])
+        return Term(self.number, factors).times(1.0, old, -power)
 
 
 Terms = tuple[Term, ...]
@@ -149,12 +140,15 @@ class Values:
     given: Mapping[str, Any]
     #: With the names that go into it
     known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
-    #: What is known, by the definitions that it does without
-    kept: dict[frozenset[str], dict[str, Any]] = field(default_factory=dict)
 
     def at(self, **inputs: Any) -> Values:
         """Return the values with other inputs, or with more of them."""
         return Values(self.definitions, {**self.given, **inputs})
+
+    def holding(self, **inputs: Any) -> Values:
+        """Return the values with inputs in the place of definitions."""
+        kept = {name: terms for name, terms in self.definitions.items() if name not in inputs}
+        return Values(kept, {**self.given, **inputs})
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.known:
@@ -209,10 +203,8 @@ class Values:
             if index is not None:
                 terms = (*old[:index], *terms, *old[index + 1 :])
             definitions[name] = terms
-        if names not in self.kept:
-            known = self.known.items()
-            self.kept[names] = {name: item for name, item in known if not item[1] & names}
-        return Values(definitions, self.given, dict(self.kept[names]))
+        kept = {name: item for name, item in self.known.items() if not item[1] & names}
+        return Values(definitions, self.given, kept)
 
 
 def written(lines: str) -> dict[str, Terms]:
