@@ -147,9 +147,13 @@ def _bare(problem: Problem, name: str) -> Prepared:
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
-    """Return the heyoka module, the symbols of the state, and a formula evaluated in these symbols.
+    """Return the heyoka module, the symbols of (beta, gamma, v), and the value of ``formula`` at these
+    symbols.
 
-    The formula takes the functions, the constants, the speed and the law, which is the linear one.
+    Args:
+        problem: The problem, with the constants and the speed.
+        formula: Called as ``formula(heyoka, constants, omega, "linear")``; it returns a function of
+            the state.
     """
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")

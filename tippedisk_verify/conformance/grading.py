@@ -168,7 +168,10 @@ class Tally(Printable):
 
     @property
     def verdict(self) -> str:
-        """The verdict in words; *partial* if nothing failed, and some questions were left out."""
+        """The verdict on this level or quantity, in words.
+
+        It is *partial* if nothing failed, and some questions were left out.
+        """
         if not self.answered:
             return "not answered"
         if self.failed:

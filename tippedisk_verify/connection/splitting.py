@@ -342,7 +342,12 @@ def unmeasured_zero(
 def _root(
     parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]
 ) -> tuple[SplittingFunction, Fraction, _Slope]:
-    """Return the splitting in the last arithmetic, its zero [rad/s] there and its slope."""
+    """Find the zero of the splitting by Newton's method, from ``guess`` through ``stages`` of growing
+    precision.
+
+    Returns:
+        The splitting function of the last stage, its zero [rad/s], and its slope there.
+    """
     omega = _cut(guess, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None

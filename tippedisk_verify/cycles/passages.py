@@ -155,8 +155,12 @@ class GlobalMap:
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
-        """The derivatives of the arriving u with respect to the speed and to sigma, and the
-        arriving s. They are taken at Omega_h and sigma = 0.
+        """The first-order coefficients of the map from one saddle to the next, at Omega_h and
+        sigma = 0.
+
+        An orbit leaves at u = u_1 and s = sigma. It arrives at (u, s) in the chart of the next
+        saddle. The pair has the derivatives of the arriving u with respect to the speed and to
+        sigma. The arriving s follows.
         """
         return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
 

@@ -253,7 +253,8 @@ def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
 
 
 def _with_variations(request: Request, start: Start) -> Callable[[float, Any], Any]:
-    """Return the rates of the flow and of its first-order variations Y' = (df/dx) Y + df/dp.
+    """Return a function of (t, y) that gives the rates of the flow and of its first-order variations,
+    Y' = (df/dx) Y + df/dp.
 
     The derivatives come from an imaginary step along each of the variations.
     """

@@ -112,13 +112,14 @@ class Defect:
         self._left_out = numpy.zeros(self.errors.shape)
 
     def _rates_times_steps(self, matrices: Any) -> tuple[Any, Any]:
-        """Return estimates (n,) of each step's largest rate times step, and bounds (n,) for growth.
+        """Return two numbers (n,) for each step of length h: an estimate of h |x| for the largest
+        eigenvalue x of the Jacobian, and an upper bound of h |x| for growing eigenvalues.
 
-        The rates x solve
+        The eigenvalues solve
 
             x^3 = j_vv x^2 + j_vb x + j_gb j_vg,
 
-        and the largest is about that of one term alone. Where j_vv damps and x grows, |x - j_vv|
+        and the largest is about that of one term alone. Where j_vv damps and Re x > 0, |x - j_vv|
         exceeds both |x| and |j_vv|. So |x|^2 times either is at most |j_vb x| + |j_gb j_vg|, and
         one of these two terms is at least half of the sum.
         """
@@ -150,7 +151,7 @@ class Defect:
         return float((numpy.abs(carried[1:]) / self.roundings[1:]).max())
 
     def compare(self, other: Defect) -> None:
-        """Set the error of the nodes to the distance from the errors computed with fewer nodes.
+        """Estimate the collocation error by comparison with errors computed with fewer nodes.
 
         The largest distance of several neighbouring steps counts.
 
@@ -240,7 +241,14 @@ class Defect:
         return total
 
     def _solved(self, right: Any) -> Any:
-        """Return the rates (n, nodes, 3, k) at the nodes of errors that begin with zero."""
+        """Solve the collocation equations for errors that are zero at the start of each step.
+
+        Args:
+            right: The right-hand sides at the nodes, such as the defect.
+
+        Returns:
+            The rates of the errors at the nodes, (n, nodes, 3, k).
+        """
         return numpy.linalg.solve(self._system, right.reshape(*self._system.shape[:2], -1)).reshape(
             right.shape
         )

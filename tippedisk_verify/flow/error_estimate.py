@@ -361,7 +361,7 @@ class _Run:
         return gradient, speed
 
     def _gradient(self, event: Event, states: Any) -> Any:
-        """Return the gradient (3, k) by central differences."""
+        """Return the gradient (3, k) of an event's function at k states, by central differences."""
         moves = _LIMITS.difference * numpy.eye(3)[:, :, None]
         rows = [
             self._in_doubles(event, states + move) - self._in_doubles(event, states - move)

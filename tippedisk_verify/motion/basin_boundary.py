@@ -107,9 +107,9 @@ class BasinBoundary(Printable):
         return pi - self._upper(math.pi - gamma, -v), self._upper(gamma, v)
 
     def _upper(self, gamma: float, v: float) -> Measured:
-        """Return beta [rad] on the sheet of larger beta.
+        """Return beta [rad] on the upper sheet of the basin boundary, at (gamma, v).
 
-        The half-width is from the root after one more turn.
+        The half-width comes from the distance to the root that one more turn gives.
         """
         root = self._root(gamma, v, self._turns, (0.0, math.pi))
         nearby = max(0.0, root - _SEARCH_RADIUS), min(math.pi, root + _SEARCH_RADIUS)
@@ -160,7 +160,8 @@ class BasinBoundary(Printable):
         """Integrate from a state for a duration [s], or until the disk lies flat or an event ends
         the run.
 
-        A run that comes to rest ends at its step limit; such an orbit lies inside.
+        A run whose orbit comes to rest stops at the step limit. Its start counts as one that keeps
+        standing.
         """
         return self.engine(
             Request(self.parameters, self.omega, state, duration, events=events, domain="event")

@@ -524,7 +524,8 @@ def _largest_residuals(
 ) -> list[list[float]]:
     """Return the largest residual over the fixed points, for each epsilon and each order.
 
-    The precision exceeds by sixty digits those by which the residual lies below its terms.
+    The residual is smaller than its terms by some number of digits. The working precision has sixty
+    more than that.
     """
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
     working = bits_for_digits(60 + below)

@@ -378,7 +378,7 @@ def problems(table: Table, base: Values) -> list[Problem]:
 
 
 def _or_else(answers: Array, values: Any) -> Array:
-    """Return answers, and other values where there are none."""
+    """Return the answers, with ``values`` in place of missing ones."""
     return np.where(np.isfinite(answers), answers, values)
 
 

@@ -147,7 +147,7 @@ class ScaledModel:
         )
 
     def rates(self, state: Any) -> tuple[Any, ...]:
-        """Return (b', g', w')."""
+        """Return the time derivatives (b', g', w') of the scaled state."""
         return _rates(self.constants, state, self.omega, self.square)
 
     def _recorded(

@@ -226,8 +226,13 @@ def _parts(step: Step) -> list[Any]:
 def room_keeps_orbits(
     room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
 ) -> bool:
-    """Return True if the box ``room`` holds a block's offsets, and all orbits from their first
-    arrival in the box on.
+    """Return True if the box ``room`` about the second saddle is shown to contain the block, and
+    all orbits of the flight from their first arrival in the box on.
+
+    Args:
+        room: The half-lengths of the box in (beta, gamma, v).
+        offset: The enclosed offsets of the block from the saddle.
+        pieces: Boxes that enclose the flight, in order of time.
     """
     sizes = [ball(extent) for extent in room]
     offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]

@@ -328,7 +328,9 @@ class Passage:
         )
 
     def rates(self, z: Sequence[Any]) -> list[Any]:
-        """Return F over a box of z, by the mean value theorem about its middle."""
+        """Return an enclosure of the field F over a box of z, in the mean value form about the box's
+        midpoint.
+        """
         middle = [x.mid() for x in z]
         change = arb_mat(self.saddle.field(z)[1]) * arb_mat(
             [[x - y] for x, y in zip(z, middle, strict=True)]
