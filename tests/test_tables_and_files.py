@@ -213,6 +213,13 @@ def test_a_damaged_file_is_refused_in_one_line(change: Any, reason: str, tmp_pat
     assert "\n" not in str(fault.value)
 
 
+def test_a_result_is_saved_as_json_only(tmp_path: Path) -> None:
+    for result in (DISK.limit_cycle("30.4"), DISK.integrate("30.4", START, 1)):
+        with pytest.raises(tv.InputError, match=r"cycle\.csv' must end in \.json"):
+            result.save(tmp_path / "cycle.csv")
+    assert not list(tmp_path.iterdir())
+
+
 def test_results_under_a_law_of_ones_own_are_not_saved(tmp_path: Path) -> None:
     law = tv.FrictionLaw("own", lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / c.epsilon)
     solution = tv.Disk("table1", friction=law).integrate("30.4", START, "0.1")
@@ -255,7 +262,7 @@ def files(tmp_path: Path) -> dict[str, Path]:
     answers = "problem,setting,seconds,error\ncycle,1,1e-3,1e-8\n"
     (tmp_path / "mine.csv").write_text(answers)
     DISK.limit_cycle("30.4").save(tmp_path / "cycle.json")
-    return {name: tmp_path / name for name in ("disk.toml", "mine.csv", "cycle.json", "new")}
+    return {name: tmp_path / name for name in ("disk.toml", "mine.csv", "cycle.json", "new.json")}
 
 
 @pytest.mark.parametrize("kind", [str, Path])
@@ -267,16 +274,16 @@ def test_a_file_is_named_by_a_text_or_a_path(kind: Any, files: dict[str, Path]) 
         (tv.Parameters.named, "disk.toml"),
         (tv.Parameters.from_toml, "disk.toml"),
         (tv.load, "cycle.json"),
-        (DISK.to_toml, "new"),
-        (DISK.limit_cycle("30.4").save, "new"),
-        (DISK.integrate("30.4", START, 1).save, "new"),
+        (DISK.to_toml, "new.json"),
+        (DISK.limit_cycle("30.4").save, "new.json"),
+        (DISK.integrate("30.4", START, 1).save, "new.json"),
         (lambda file: tv.race({}, against=[], answers=[file]), "mine.csv"),
     ]
     for call, name in calls:
         assert call(path[name])
-        if name == "new":
-            assert files["new"].stat().st_size
-            files["new"].unlink()
+        if name == "new.json":
+            assert files["new.json"].stat().st_size
+            files["new.json"].unlink()
     assert [tv.Disk(path["disk.toml"]), tv.Disk.read(path["disk.toml"])] == [DISK, DISK]
     with pytest.raises(tv.InputError, match="there is no folder"):
-        DISK.to_toml(kind(files["new"] / "disk.toml"))
+        DISK.to_toml(kind(files["new.json"] / "disk.toml"))

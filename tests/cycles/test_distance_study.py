@@ -57,10 +57,13 @@ def test_the_resolution_of_a_double_and_answers_at_their_own_speeds(taylor) -> N
 
 
 def test_the_figure_and_bad_input() -> None:
-    study = Disk("table1").near_heteroclinic(["1e-3", "1e-7"])
-    assert [line.get_label() for line in study.plot().lines][
-        3
-    ] == "effect of half an ulp of Ω in double"
+    study = Disk("table1").near_heteroclinic(["1e-3", "1e-20"], answers=[("30.0489", "4.5")])
+    *_, double, answers = study.plot().lines
+    assert double.get_label() == "effect of half an ulp of Ω in double"
+    assert double.get_xdata().tolist() == [1e-3]  # doubles do not resolve 1e-20
+    distance = float(study.answers[0].omega - study.rows[0].omega) + 1e-3
+    assert answers.get_xdata() == pytest.approx([distance])
+    assert answers.get_ydata() == [abs(float(study.answers[0].error))]
     for distances, answers in (
         ("0", None),
         ("pi", None),

@@ -135,7 +135,7 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
             ("Omega [rad/s]", "answer [s]", "T [s]", "error [s]"),
             (
                 [
-                    f"{float(row.omega):.17g}",
+                    exact_text(row.omega.value),
                     f"{float(row.period_found):.15g}",
                     f"{row.period:.13g}",
                     f"{float(row.error):.1e}",
@@ -157,8 +157,8 @@ def _distances(text: str) -> list[str]:
             raise ValueError
     except (ValueError, ArithmeticError):
         raise InputError(
-            f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with COUNT up to "
-            f"{_MAX_DISTANCES}, not '{text[:60]}'"
+            f"--near is FIRST:LAST:COUNT, such as 1e-2:1e-20:10, with distances above 0 and COUNT "
+            f"up to {_MAX_DISTANCES}, not '{text[:60]}'"
         ) from None
     steps = [n / max(1, number - 1) for n in range(number)]
     exponents = [ends[0] + (ends[1] - ends[0]) * step for step in steps]

@@ -85,7 +85,8 @@ class NearHeteroclinic(Printable):
     def plot(self, axes: Any = None) -> Any:
         """Plot the remainder of T after one, two and three terms of the law, against the distance.
 
-        A dashed line shows the resolution of a double of Omega.
+        A dashed line shows the resolution of a double of Omega, down to the distance at which
+        doubles no longer separate the speed from Omega_h. Crosses are the errors of the answers.
 
         Args:
             axes: The matplotlib axes; None for new ones.
@@ -96,19 +97,35 @@ class NearHeteroclinic(Printable):
         if axes is None:
             from matplotlib import pyplot
 
-            _, axes = pyplot.subplots()
+            _, axes = pyplot.subplots(layout="constrained")
         distances = [float(row.distance) for row in self.rows]
         for terms, name in enumerate(("one term", "two terms", "three terms")):
             left = [abs(float(row.period - row.law[terms])) for row in self.rows]
             axes.loglog(distances, left, ".-", label=f"error of the law with {name}")
+        resolved = [
+            row for row in self.rows if float(row.distance) > math.ulp(float(row.omega)) / 2
+        ]
         axes.loglog(
-            distances,
-            [row.double_resolves for row in self.rows],
-            "--",
+            [float(row.distance) for row in resolved],
+            [row.double_resolves for row in resolved],
+            "k--",
             label="effect of half an ulp of Ω in double",
         )
-        axes.set(xlabel=r"$\Omega - \Omega_h$ [rad/s]", ylabel="error of T [s]")
-        axes.legend()
+        if self.answers:
+            omega_h = self.rows[0].omega - self.rows[0].distance
+            axes.loglog(
+                [abs(float(answer.omega - omega_h)) for answer in self.answers],
+                [abs(float(answer.error)) for answer in self.answers],
+                "kx",
+                label="error of the answers",
+            )
+        axes.set(
+            title=f"{self.parameters.name}, {self.parameters.friction} friction law",
+            xlabel=r"$\Omega - \Omega_h$ [rad/s]",
+            ylabel="error of T [s]",
+        )
+        axes.grid(lw=0.3)
+        axes.legend(fontsize="small")
         return axes
 
 

@@ -240,7 +240,7 @@ class Cycle(Printable):
         can do the same. Next to Omega_h its monodromy matrix comes from flights and takes longer.
 
         Args:
-            path: The file.
+            path: The file; its name ends in ".json".
 
         Returns:
             The path of the file written.

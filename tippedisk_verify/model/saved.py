@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import output_file, read_text, write_text
+from tippedisk_verify.files import file_ending_in, read_text, write_text
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import Exact, exact, long_fraction
 from tippedisk_verify.model.measured import Measured
@@ -91,7 +91,7 @@ def write_saved(
     """Write a result to a file in this module's format. A failure leaves no incomplete file.
 
     Args:
-        path: The file.
+        path: The file; its name ends in ".json".
         kind: The class of the result.
         disk: The disk and its friction law.
         entries: The result's own keys, with values that JSON can hold.
@@ -100,7 +100,8 @@ def write_saved(
         The path of the file written.
 
     Raises:
-        InputError: If the friction law is a user's own, or the file cannot be written.
+        InputError: If the friction law is a user's own, the name has another ending, or the file
+            cannot be written.
     """
     from tippedisk_verify import __version__
 
@@ -112,7 +113,7 @@ def write_saved(
         "disk": {**disk.exact_texts(), "name": disk.name, "friction": disk.friction},
         **entries,
     }
-    return write_text(output_file(str(path)), json.dumps(content, indent=1) + "\n")
+    return write_text(file_ending_in(str(path), ".json"), json.dumps(content, indent=1) + "\n")
 
 
 def read_saved(path: str | PathLike[str]) -> dict[str, Any]:

@@ -212,7 +212,7 @@ class Solution(Printable):
         continuous output: ``solution(t)`` is refused.
 
         Args:
-            path: The file.
+            path: The file; its name ends in ".json".
 
         Returns:
             The path of the file written.
