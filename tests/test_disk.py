@@ -16,7 +16,7 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
-from tippedisk_verify.theory import harmonic_balance, slow_manifold
+from tippedisk_verify.theory import one_harmonic_law, slow_manifold
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 LAWS = ("linear", "smooth")
@@ -354,7 +354,7 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
     [
         lambda: tv.hopf_point(SMOOTH),
         lambda: tv.one_harmonic(SMOOTH, "30.4"),
-        lambda: harmonic_balance.slopes(SMOOTH),
+        lambda: one_harmonic_law.slopes(SMOOTH),
         lambda: tv.balanced_cycle(SMOOTH, "30.4"),
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),

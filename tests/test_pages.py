@@ -138,7 +138,7 @@ def test_the_numbers_of_the_first_page() -> None:
     from tippedisk_verify.audit.claims import rounds_to
     from tippedisk_verify.model.measured import Measured
     from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
-    from tippedisk_verify.theory.harmonic_balance import chi
+    from tippedisk_verify.theory.one_harmonic_law import chi
 
     rows = {
         cells[1].split()[0].rstrip(","): cells[3:5]

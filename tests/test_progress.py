@@ -58,10 +58,10 @@ def test_only_the_outermost_progress_is_shown(monkeypatch) -> None:
     monkeypatch.setattr(Thread, "start", lambda thread: started.append(thread))
     with progress.progress_of(), progress.progress_of(3) as inner:
         inner("nothing", 1)
-    with progress.progress_of(progress=False), progress.share_of("nothing"):
-        progress.reached(0.5)
+    with progress.progress_of(progress=False), progress.shown_share("nothing"):
+        progress.report_share(0.5)
     assert len(started) == 1
-    progress.reached(0.5)  # outside any work
+    progress.report_share(0.5)  # outside any work
 
 
 @pytest.mark.parametrize("call", _CALLS)

@@ -42,10 +42,10 @@ from tippedisk_verify.motion.solution import Solution as Solution
 from tippedisk_verify.reference_values.lookup import reference as reference
 from tippedisk_verify.reference_values.lookup import references as references
 from tippedisk_verify.theory.equilibria import equilibrium as equilibrium
-from tippedisk_verify.theory.harmonic_balance import one_harmonic as one_harmonic
 from tippedisk_verify.theory.hopf import hopf_point as hopf_point
 from tippedisk_verify.theory.hopf import omega_crit as omega_crit
 from tippedisk_verify.theory.hopf import period_crit as period_crit
+from tippedisk_verify.theory.one_harmonic_law import one_harmonic as one_harmonic
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold as analyse_slow_manifold
 
 __version__: str

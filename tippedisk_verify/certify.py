@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.surroundings import undisturbed_methods
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.progress import progress_of
 
 if TYPE_CHECKING:
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
-    from tippedisk_verify.proofs.search.branch import BranchProof
     from tippedisk_verify.proofs.search.connection import ProvedConnection
-    from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
-    from tippedisk_verify.proofs.search.cycle import OrbitProof
+    from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
+    from tippedisk_verify.proofs.search.cycle import CycleProof
+    from tippedisk_verify.proofs.search.family import FamilyProof
     from tippedisk_verify.proofs.search.family_intervals import Interval
     from tippedisk_verify.proofs.search.fold import FoldProof
     from tippedisk_verify.theory.equilibria import EquilibriumName
@@ -120,7 +120,7 @@ class Certifier:
         stable: bool | None = None,
         guess: tuple[object, object] | None = None,
         digits: int = 12,
-    ) -> OrbitProof:
+    ) -> CycleProof:
         """Prove one limit cycle: existence, local uniqueness, its numbers and its stability.
 
         The search starts from ``guess``, or from the cycle that `Disk` finds.
@@ -143,8 +143,8 @@ class Certifier:
         from tippedisk_verify.proofs.search.cycle import (
             HALF,
             TURN,
-            OrbitProof,
-            OrbitStatus,
+            CycleProof,
+            CycleStatus,
             prove_cycle,
         )
 
@@ -152,7 +152,7 @@ class Certifier:
         try:
             start = guess or self._start(speed, rotating, stable)
         except NoSuchCycleError as fault:
-            return OrbitProof(section, OrbitStatus.NO_GUESS, str(fault), self.disk, speed, 0)
+            return CycleProof(section, CycleStatus.NO_GUESS, str(fault), self.disk, speed, 0)
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
     def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
@@ -162,11 +162,13 @@ class Certifier:
         Raises:
             InputError: If the speed lies next to Omega_h.
         """
-        from tippedisk_verify.cycles.locator import locator
+        from tippedisk_verify.cycles.locator import locator_of
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
-            if (away := abs(speed - locator(self.disk, default_engine()).omega_h)) < _MIN_DISTANCE:
+            if (
+                away := abs(speed - locator_of(self.disk, default_engine()).omega_h)
+            ) < _MIN_DISTANCE:
                 raise InputError(
                     f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single"
                     f" cycles are proved from {float(_MIN_DISTANCE):g} on: `certify heteroclinic"
@@ -273,7 +275,7 @@ class Certifier:
         *,
         digits: int = 12,
         progress: bool | None = None,
-    ) -> ProvedEnd:
+    ) -> ConnectionCyclesProof:
         """Prove the limit cycle of every speed up to a distance above Omega_h.
 
         `heteroclinic` proves Omega_h first.
@@ -288,7 +290,10 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
-        from tippedisk_verify.proofs.search.connection_cycles import checked_distance, prove_end
+        from tippedisk_verify.proofs.search.connection_cycles import (
+            checked_distance,
+            prove_connection_cycles,
+        )
 
         checked_distance(distance)
         self.disk.refuse_unless_linear("limit cycles next to the connection are proved")
@@ -299,7 +304,7 @@ class Certifier:
                 shares.append(int(100 * share))
                 advance("limit cycles", shares[-1] - shares[-2])
 
-            return prove_end(connection, distance, watch=watch)
+            return prove_connection_cycles(connection, distance, watch=watch)
 
     def branch(
         self,
@@ -307,7 +312,7 @@ class Certifier:
         *,
         workers: Workers = lambda several: nullcontext(None),
         progress: bool | None = None,
-    ) -> BranchProof:
+    ) -> FamilyProof:
         """Prove that the limit cycles from the Hopf point to the heteroclinic cycle form one curve.
 
         Along this curve the cycles are stable and Omega falls.

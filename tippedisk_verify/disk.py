@@ -26,7 +26,7 @@ from tippedisk_verify.model.exact import fraction, shown
 from tippedisk_verify.model.friction import Friction, FrictionLaw
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.progress import progress_of, share_of, watched
+from tippedisk_verify.progress import progress_of, shown_share, watched
 
 if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
@@ -435,10 +435,10 @@ class Disk(Parameters):
                 )
             from tippedisk_verify.cycles.at_distance import cycle_above
 
-            with share_of("limit cycle", progress):
+            with shown_share("limit cycle", progress):
                 return cycle_above(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
-        with share_of("limit cycle", progress):
+        with shown_share("limit cycle", progress):
             cycle = cycle_at(
                 self,
                 speed.value,
@@ -489,9 +489,9 @@ class Disk(Parameters):
             AccuracyError: If the family cannot be followed, or the digits were not reached.
         """
         from tippedisk_verify.cycles.folds import libration_folds
-        from tippedisk_verify.cycles.locator import locator
+        from tippedisk_verify.cycles.locator import locator_of
 
-        found = locator(self, self._engine(engine))
+        found = locator_of(self, self._engine(engine))
         if found.lost:
             raise AccuracyError(found.lost)
         return libration_folds(self, found.engine, digits=digits, family=found.family)
@@ -541,7 +541,7 @@ class Disk(Parameters):
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
             how: dict[str, Any] = {"stable": stable, "digits": digits, "half_widths": half_widths}
-            with share_of("rotating cycle", progress):
+            with shown_share("rotating cycle", progress):
                 cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
@@ -549,7 +549,7 @@ class Disk(Parameters):
                 "below_het leads to stable rotating cycles: give the unstable one's "
                 "speed with omega"
             )
-        with share_of("rotating cycle", progress):
+        with shown_share("rotating cycle", progress):
             return rotating_below(self, below_het, self._engine(engine), digits=digits)
 
     def rotating_branch(
@@ -604,9 +604,9 @@ class Disk(Parameters):
             AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.folds import rotation_fold
-        from tippedisk_verify.cycles.locator import locator
+        from tippedisk_verify.cycles.locator import locator_of
 
-        return rotation_fold(locator(self, self._engine(engine)).rotations, digits=digits)
+        return rotation_fold(locator_of(self, self._engine(engine)).rotations, digits=digits)
 
     def branch(
         self,
@@ -688,7 +688,7 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
-        with share_of("Omega_h", progress):
+        with shown_share("Omega_h", progress):
             return heteroclinic(self, self._engine(engine), **how)
 
     def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:

@@ -2,7 +2,7 @@
 
 Anywhere else nothing is shown. A computation reports its steps by calling an `Advance`. Its caller
 decides with `progress_of` whether they are shown. A single number that takes long reports its share
-with `reached`, and its caller decides with `share_of`.
+with `report_share`, and its caller decides with `shown_share`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from multiprocessing import parent_process
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-__all__ = ["Advance", "part", "progress_of", "reached", "share_of", "watched"]
+__all__ = ["Advance", "progress_of", "report_share", "shown_share", "subrange", "watched"]
 
 #: A function of the name of the work and the number of steps done since the last call.
 Advance = Callable[[str, int], None]
@@ -27,7 +27,7 @@ Item = TypeVar("Item")
 _DELAY = 2.0  # s before anything is shown
 _BETWEEN_DRAWINGS = 0.1  # s
 # The function that takes the share of the work that is done, and the part of it between two shares
-# that the computation is in; None outside `share_of`
+# that the computation is in; None outside `shown_share`
 _PART: ContextVar[tuple[Callable[[float], None], float, float] | None] = ContextVar(
     "part", default=None
 )
@@ -170,8 +170,8 @@ def watched(
 
 
 @contextmanager
-def share_of(label: str, progress: bool | None = None) -> Iterator[None]:
-    """Show the share of a computation that `reached` reports, in percent.
+def shown_share(label: str, progress: bool | None = None) -> Iterator[None]:
+    """Show the share of a computation that `report_share` reports, in percent.
 
     Args:
         label: The name of the work.
@@ -195,8 +195,8 @@ def share_of(label: str, progress: bool | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def part(start: float, end: float) -> Iterator[None]:
-    """Count what `reached` reports within a part of the work, all of which is done at the end.
+def subrange(start: float, end: float) -> Iterator[None]:
+    """Count what `report_share` reports within a part of the work, all of which is done at the end.
 
     Args:
         start: The share of the work before the part.
@@ -209,13 +209,13 @@ def part(start: float, end: float) -> Iterator[None]:
     _PART.set((show, low + (high - low) * start, low + (high - low) * end))
     try:
         yield
-        reached(1)
+        report_share(1)
     finally:
         _PART.set(before)
 
 
-def reached(share: float) -> None:
-    """Report the share of the work, or of its present `part`, that is done."""
+def report_share(share: float) -> None:
+    """Report the share of the work, or of its present `subrange`, that is done."""
     if (now := _PART.get()) is not None:
         show, low, high = now
         show(low + (high - low) * share)

@@ -25,7 +25,7 @@ from tippedisk_verify.reference_values.truths import (
     in_two,
     orbit,
 )
-from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
+from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
 from tippedisk_verify.theory.equilibria import linearization
 
 __all__ = ["differences", "hopf_by_balance", "orbit_by_scipy", "symbolic"]
@@ -96,7 +96,7 @@ def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
     )
     root = ctx.mpc(0, ctx.sqrt(-a31))
     drift = -(2 * speed * root - 2 * a32) / (3 * root**2 - 2 * a33 * root - a31)
-    slopes = harmonic_balance.slopes(case.disk, digits=DIGITS + 12)
+    slopes = one_harmonic_law.slopes(case.disk, digits=DIGITS + 12)
     amplitude, period = (quotient(ctx, slope.value) for slope in slopes)
     # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega,
     # lambda^2) / |...|.

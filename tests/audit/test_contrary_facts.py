@@ -31,7 +31,7 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.motion.basins import OUTCOMES
-from tippedisk_verify.theory import expansion, harmonic_balance
+from tippedisk_verify.theory import expansion, one_harmonic_law
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import (
     ReducedEquilibrium,
@@ -185,12 +185,12 @@ PLANTS: dict[str, Plant] = {
     "expansion_gyroscopic": follows(balance_claims, "printed", expansion.derived),
     "expansion_gravity": follows(balance_claims, "printed", expansion.derived),
     "expansion_friction": follows(balance_claims, "printed", _with("friction", (2, 0, 1), -1)),
-    "kappa_1": follows(harmonic_balance, "kappa_1", _consistent(harmonic_balance.kappa_1)),
-    "kappa_2": follows(harmonic_balance, "kappa_2", _consistent(harmonic_balance.kappa_2)),
-    "delta": follows(harmonic_balance, "delta", _consistent(harmonic_balance.delta)),
+    "kappa_1": follows(one_harmonic_law, "kappa_1", _consistent(one_harmonic_law.kappa_1)),
+    "kappa_2": follows(one_harmonic_law, "kappa_2", _consistent(one_harmonic_law.kappa_2)),
+    "delta": follows(one_harmonic_law, "delta", _consistent(one_harmonic_law.delta)),
     "chi": prints("1.18e-7"),
-    "amplitude_law": follows(harmonic_balance, "slopes", _consistent(harmonic_balance.slopes)),
-    "period_law": follows(harmonic_balance, "slopes", _consistent(harmonic_balance.slopes)),
+    "amplitude_law": follows(one_harmonic_law, "slopes", _consistent(one_harmonic_law.slopes)),
+    "period_law": follows(one_harmonic_law, "slopes", _consistent(one_harmonic_law.slopes)),
     "supercritical": another_disk(A=PRINTED.B),
     "period_crit": prints("0.887"),
     "convergent_series": follows(

@@ -19,7 +19,7 @@ from tippedisk_verify.cycles.branch import family
 from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.omega_h_methods import METHODS, heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import spectral_fold
@@ -55,7 +55,7 @@ def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
         (shot,) = found = libration_folds(disk, taylor, digits=digits)
         assert found.followed_to == "Omega_h"
     else:
-        shot = rotation_fold(locator(disk, taylor).rotations, digits=digits)
+        shot = rotation_fold(locator_of(disk, taylor).rotations, digits=digits)
     other = spectral_fold(disk, kind, digits=digits + 5)
     names = ("omega", "period", *type(shot).section.names, "null_vector")
     for name, same in zip(names, ("omega", "period", "angle", "v", "null_vector"), strict=True):
@@ -88,7 +88,7 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
     it there is no cycle.
     """
     (fold,) = libration_folds(FOLDING, taylor)
-    known = locator(FOLDING, taylor)
+    known = locator_of(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
         unstable, stable = known.librating(fold.omega.value - Fraction(below)).cycles()
@@ -109,7 +109,7 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
-    cycles = locator(POSITIVE_SADDLE_VALUE, taylor).librating(halfway).cycles()
+    cycles = locator_of(POSITIVE_SADDLE_VALUE, taylor).librating(halfway).cycles()
     assert [cycle.stable for cycle in cycles] == [True, False]
 
 
@@ -317,15 +317,15 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
     ids=lambda disk: disk.name,
 )
 def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> None:
-    family = locator(disk, taylor).family
+    family = locator_of(disk, taylor).family
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2
-        cycles = locator(disk, taylor).librating(Fraction(speed)).cycles()
+        cycles = locator_of(disk, taylor).librating(Fraction(speed)).cycles()
         assert len(cycles) == len(list(family.places(speed)))
     for beyond, side in ((ends[0] - 0.3, "below"), (ends[-1] + 0.3, "above")):
         with pytest.raises(NoSuchCycleError, match=f"0.3 rad/s {side} the family"):
-            locator(disk, taylor).librating(Fraction(beyond)).cycles()
+            locator_of(disk, taylor).librating(Fraction(beyond)).cycles()
     unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
     assert family.connected is not bool(slow.im.value)
     if not family.connected:

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cycles.at_speed import cycle_at
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
 
@@ -15,10 +15,10 @@ FOLDING = PRINTED.changed(A="0.229e-3")  # cycles are born unstable, above Omega
 
 
 def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
-    known = locator(PRINTED, taylor)
-    assert locator(PRINTED.changed(name="table1"), taylor) is known
-    assert locator(PRINTED.with_friction("smooth"), taylor) is not known
-    assert locator(FOLDING, taylor) is not known
+    known = locator_of(PRINTED, taylor)
+    assert locator_of(PRINTED.changed(name="table1"), taylor) is known
+    assert locator_of(PRINTED.with_friction("smooth"), taylor) is not known
+    assert locator_of(FOLDING, taylor) is not known
     assert known.librating(Fraction(30)).starts == ()
     assert known.__dict__["family"] is known.family
 
@@ -40,7 +40,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 )
 def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
     """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
-    known = locator(PRINTED, taylor)
+    known = locator_of(PRINTED, taylor)
     assert known.family.connected
     for name in (
         "cycles.locator.shoot",
@@ -53,12 +53,12 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
 
 
 def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
-    known = locator(FOLDING, taylor)
+    known = locator_of(FOLDING, taylor)
     for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
         assert [start.piece for start in known.librating(Fraction(omega)).starts] == pieces
     for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
         assert [
-            start.piece for start in locator(PRINTED, taylor).rotating(Fraction(omega)).starts
+            start.piece for start in locator_of(PRINTED, taylor).rotating(Fraction(omega)).starts
         ] == pieces
 
 
@@ -66,7 +66,7 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     """At a millionth of the resolution of doubles, librating cycles lie above Omega_h and rotating
     ones below.
     """
-    known, near = locator(PRINTED, taylor), Fraction(1, 10**20)
+    known, near = locator_of(PRINTED, taylor), Fraction(1, 10**20)
     omega_h = known.librating(known.omega_h).omega_h
     assert omega_h is not None
     assert known.librating(omega_h + near).omega_h != known.omega_h

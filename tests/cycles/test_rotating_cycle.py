@@ -15,7 +15,7 @@ from tippedisk_verify.cycles.at_distance import rotating_below
 from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.folds import rotation_fold
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
@@ -58,7 +58,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     and T is its mean.
     """
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(locator(disk, taylor).rotations)
+    fold = rotation_fold(locator_of(disk, taylor).rotations)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [

@@ -9,7 +9,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.cycles.branch import found, rotating_branch
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import BOTTOM, ROTATING
 from tippedisk_verify.flow.baseline import Baseline
@@ -21,7 +21,7 @@ _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 
 @pytest.fixture(scope="module")
 def family(taylor) -> RotatingFamily:
-    return locator(PRINTED, taylor).rotations
+    return locator_of(PRINTED, taylor).rotations
 
 
 def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family) -> None:
@@ -44,7 +44,7 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     ]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        (alone,) = locator(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
+        (alone,) = locator_of(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
         for name in ROTATING.numbers:
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
@@ -62,7 +62,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     of few nodes.
     """
     disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
-    known = locator(disk, taylor)
+    known = locator_of(disk, taylor)
     family = known.rotations
     fold = family.near_fold()
     assert fold.omega < family.omega_h

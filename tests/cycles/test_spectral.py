@@ -16,8 +16,8 @@ from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.theory.harmonic_balance import one_harmonic
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
+from tippedisk_verify.theory.one_harmonic_law import one_harmonic
 
 
 def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:

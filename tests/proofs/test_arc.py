@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
-from tippedisk_verify.proofs.search.cycle import OrbitProof, prove_cycle
+from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")
@@ -34,7 +34,7 @@ WIDE, SWING = PRINTED.changed(e="0.008", C=None), ("2.2", "-5.71", "35.57")
 
 
 @lru_cache(maxsize=4)
-def cycle(s: Fraction) -> OrbitProof:
+def cycle(s: Fraction) -> CycleProof:
     return prove_cycle(PRINTED, OMEGA + s * Fraction(RADIUS), GUESS, digits=40)
 
 

@@ -24,7 +24,7 @@ from tippedisk_verify.proofs.closed_forms import (
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection import MAX_DIGITS, prove_connection
-from tippedisk_verify.proofs.search.connection_cycles import prove_end
+from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
 from tippedisk_verify.theory import hopf
@@ -159,13 +159,16 @@ SMOOTH = PRINTED.with_friction("smooth")
         (lambda: prove_connection(PRINTED, "30", 0), "digits"),
         (lambda: prove_connection(PRINTED, "30", MAX_DIGITS + 1), "digits"),
         (lambda: prove_connection(PRINTED, "-1", 8), None),
-        (lambda: prove_end(replace(proved_connection(), parameters=SMOOTH)), "linear friction law"),
+        (
+            lambda: prove_connection_cycles(replace(proved_connection(), parameters=SMOOTH)),
+            "linear friction law",
+        ),
         *(
-            (lambda reach=reach: prove_end(proved_connection(), reach), None)
+            (lambda reach=reach: prove_connection_cycles(proved_connection(), reach), None)
             for reach in ("0", "-1", "pi", "2", "soon")
         ),
-        (lambda: prove_end(proved_connection(), "1e-5", "1e-5"), "between the ends"),
-        (lambda: prove_end(proved_connection(), "0.9"), "born below"),
+        (lambda: prove_connection_cycles(proved_connection(), "1e-5", "1e-5"), "between the ends"),
+        (lambda: prove_connection_cycles(proved_connection(), "0.9"), "born below"),
     ],
 )
 def test_bad_input_of_a_proof_is_refused(prove, said: str | None) -> None:

@@ -24,7 +24,11 @@ from tippedisk_verify.proofs.search.connection import (
     ProvedConnection,
     prove_connection,
 )
-from tippedisk_verify.proofs.search.connection_cycles import EndStatus, ProvedEnd, prove_end
+from tippedisk_verify.proofs.search.connection_cycles import (
+    ConnectionCyclesProof,
+    ConnectionCyclesStatus,
+    prove_connection_cycles,
+)
 from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {
@@ -106,8 +110,14 @@ def test_a_disk_without_a_saddle_is_refused() -> None:
 
 # ---------------------------------------------------------------------------- the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
-    assert prove_end(ProvedConnection(ConnectionStatus.FLOW)).status is EndStatus.NO_CONNECTION
-    assert prove_end(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"] is False
+    assert (
+        prove_connection_cycles(ProvedConnection(ConnectionStatus.FLOW)).status
+        is ConnectionCyclesStatus.NO_CONNECTION
+    )
+    assert (
+        prove_connection_cycles(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"]
+        is False
+    )
 
 
 def test_what_is_said_of_the_cycles_next_to_it() -> None:
@@ -115,7 +125,7 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
     is known.
     """
     lengths = map(Fraction, ("30.0479", "30.0569", "0.14", "0.268"))
-    end = ProvedEnd(EndStatus.PROVED, proved_connection(), *lengths)
+    end = ConnectionCyclesProof(ConnectionCyclesStatus.PROVED, proved_connection(), *lengths)
     for part in (PRINTED.definition(), "linear", "30.0569", "3 pi/2 - 0.14", "-0.268"):
         assert part in end.statement
     assert json.loads(json.dumps(end.to_dict()))["to"] == "30.0569"
@@ -131,11 +141,11 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
                 ),
             )
             assert end.meets(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
-            assert not replace(end, status=EndStatus.FLIGHT).meets(speed, *cycle)
+            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).meets(speed, *cycle)
 
 
 @pytest.mark.slow(minutes=0.5)
 def test_the_end_of_another_disk_is_proved(taylor: Taylor) -> None:
     omega_h = heteroclinic(CALIBRATED, taylor, digits=14).omega_h.value
-    end = prove_end(prove_connection(CALIBRATED, omega_h, 9))
+    end = prove_connection_cycles(prove_connection(CALIBRATED, omega_h, 9))
     assert end.proved, end.statement

@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.certificates.connection import _departure
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.connection_cycles import prove_end
+from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 
 DIGITS = 5
 
@@ -184,7 +184,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     What is shown once of Omega_h is remembered.
     """
     proof = proved_connection()
-    end = prove_end(proof)
+    end = prove_connection_cycles(proof)
     assert end.proved, end.statement
     kappa, least_time = (float(end.numbers[name]) for name in ("kappa", "T"))
     assert end.high - OMEGA_H > Fraction("5.6e-3")

@@ -30,11 +30,11 @@ from tippedisk_verify.proofs.kernel.balls import (
     positive,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.certificates.cycle import names
+from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.cycle import TURN, OrbitProof, OrbitStatus, prove_cycle
+from tippedisk_verify.proofs.search.cycle import TURN, CycleProof, CycleStatus, prove_cycle
 from tippedisk_verify.reference_values.lookup import reference
 
 # The reference data's speed half a radian per second below Omega_crit
@@ -57,7 +57,7 @@ FLIGHTS = pytest.mark.parametrize(
 
 
 @lru_cache(maxsize=1)
-def proved() -> OrbitProof:
+def proved() -> CycleProof:
     return prove_cycle(PRINTED, OMEGA, GUESS, digits=8)
 
 
@@ -116,7 +116,7 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
     spectral = spectral_rotation(PRINTED, omega, stable=stable, digits=14) if stable else ordinary
-    for name in names(TURN):
+    for name in claimed_names(TURN):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
         theirs = [getattr(ordinary, name), getattr(spectral, name, None)]
         for other in (
@@ -232,10 +232,10 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
         # Above Omega_crit the cycle is gone
         pytest.param("31.4", GUESS, None, marks=pytest.mark.slow),
         pytest.param("29.5", GUESS, None, marks=pytest.mark.slow),  # below Omega_h too
-        (OMEGA, ("1.7", "1.7"), OrbitStatus.NOT_FOLLOWED),  # the wrong side of the section
-        (OMEGA, ("0", "0"), OrbitStatus.TRIVIAL),
+        (OMEGA, ("1.7", "1.7"), CycleStatus.NOT_FOLLOWED),  # the wrong side of the section
+        (OMEGA, ("0", "0"), CycleStatus.TRIVIAL),
         (OMEGA, ("1e-3", "-2e-3"), None),
-        (OMEGA, ("0.5", "-400"), OrbitStatus.NOT_FOLLOWED),  # falls flat
+        (OMEGA, ("0.5", "-400"), CycleStatus.NOT_FOLLOWED),  # falls flat
     ],
     ids=str,
 )

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.test_branch import DISK, SUBCRITICAL, first, quick, second  # noqa: F401
+from tests.proofs.test_family import DISK, SUBCRITICAL, first, quick, second  # noqa: F401
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
@@ -28,8 +28,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     verify,
     verify_piece,
 )
-from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
+from tippedisk_verify.proofs.search.family import FamilyProof
 
 
 # ------------------------------------------------------------------------------------------- gluing
@@ -284,7 +284,7 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
     one number at a time.
     """
     proved = (first(PRINTED), second())
-    proof = BranchProof(PRINTED, proved)
+    proof = FamilyProof(PRINTED, proved)
     content = json.loads(proof.certificate())
     shown: dict[int, Piece] = {}
 

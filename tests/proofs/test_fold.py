@@ -11,7 +11,7 @@ import pytest
 
 from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
@@ -97,7 +97,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
 
 @pytest.mark.slow(minutes=0.5)
 def test_rotating_folds_are_proved(taylor) -> None:
-    fold = rotation_fold(locator(PRINTED, taylor).rotations, digits=30)
+    fold = rotation_fold(locator_of(PRINTED, taylor).rotations, digits=30)
     proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=TURN)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

@@ -104,14 +104,14 @@ def entries(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(code_cache.atexit, "register", lambda *given, **named: None)
     assert _starts(path) == (0, 0)  # nobody vouches for what a run that was killed has left
     _done(path, *(f"INSERT INTO cache VALUES ({n}, {row})" for n in range(5)))
-    code_cache.vouch(ending=True)
+    code_cache.add_checksums(ending=True)
     return path
 
 
 def _starts(path: Path) -> tuple[int, int]:
     """Return how many entries are left after a start, and their size according to heyoka."""
     heyoka = Mock()
-    code_cache.guarded(heyoka)
+    code_cache.use_checked_cache(heyoka)
     assert heyoka.set_diskcache_enabled.call_args.args == (True,)
     (count,), (size,) = _done(path, "SELECT count(*) FROM cache", "SELECT value FROM config")
     return count, size
@@ -126,7 +126,7 @@ def test_changed_entries_are_removed_and_others_kept(
     changed = "1003" if column == "hash" else "x'41'"
     _done(entries, f"UPDATE cache SET {column} = {changed} WHERE hash = 3")
     if ends and column != "hash":  # by another name it is a new one
-        code_cache.vouch(ending=True)
+        code_cache.add_checksums(ending=True)
     # When an entry was last used decides about nothing but what goes first.
     assert _starts(entries) == ((5, 500) if column == "last_access" else (4, 400))
     assert _is_noted(entries)

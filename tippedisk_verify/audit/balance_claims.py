@@ -7,7 +7,7 @@ from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
 from tippedisk_verify.audit.linear_claims import EVERY_SPEED, NORMAL_FORM, closed_form
-from tippedisk_verify.theory import harmonic_balance, hopf
+from tippedisk_verify.theory import hopf, one_harmonic_law
 from tippedisk_verify.theory.expansion import derived, printed
 
 __all__ = ["BALANCE_CLAIMS"]
@@ -40,7 +40,7 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
     claimed, follows = (
-        getattr(harmonic_balance, which)(*inputs, form) for form in ("printed", "consistent")
+        getattr(one_harmonic_law, which)(*inputs, form) for form in ("printed", "consistent")
     )
     return f"{float(claimed / follows):.4f} times the right value", claimed == follows
 
@@ -51,7 +51,7 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
     The true slope follows from the first Lyapunov coefficient.
     """
     parameters = audit.linear(name)
-    law = harmonic_balance.slopes(parameters, "printed")[which]
+    law = one_harmonic_law.slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
     slope = ("d(C^2)/dOmega", "dT/dOmega")[which]
     return f"{ratio:.4f} times the right slope; {slope} at Omega_crit", abs(ratio - 1) < 1e-9

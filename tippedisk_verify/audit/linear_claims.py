@@ -28,8 +28,8 @@ from tippedisk_verify.theory.equilibria import (
     is_stable,
     linearization,
 )
-from tippedisk_verify.theory.harmonic_balance import chi
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
+from tippedisk_verify.theory.one_harmonic_law import chi
 
 __all__ = ["EVERY_SPEED", "LINEAR_CLAIMS", "NORMAL_FORM", "closed_form", "table_box"]
 

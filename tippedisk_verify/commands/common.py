@@ -23,8 +23,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
 from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.model.equations import one_speed
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.results import result_lines
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.progress import Advance, progress_of
 

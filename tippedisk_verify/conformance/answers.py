@@ -10,7 +10,7 @@ from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.surroundings import undisturbed
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.progress import progress_of
 from tippedisk_verify.reference_values.lookup import full_id, reference
 from tippedisk_verify.reference_values.store import Reading, stored

@@ -16,10 +16,10 @@ from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import (
     equilibrium,
     linearization,
@@ -29,7 +29,7 @@ from tippedisk_verify.theory.equilibria import (
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
-__all__ = ["Connection", "bisect_omega_h", "unstable_branch"]
+__all__ = ["BisectedOmegaH", "bisect_omega_h", "unstable_branch"]
 
 #: The branch crosses the section again before it has reached the next saddle: it turns back.
 _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
@@ -53,7 +53,7 @@ _MAX_FLIGHT = 60.0
 
 
 @dataclass(frozen=True, repr=False)
-class Connection(Printable):
+class BisectedOmegaH(Printable):
     """The speed of the heteroclinic connection and how it was found."""
 
     omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
@@ -108,7 +108,9 @@ def unstable_branch(
 
 @undisturbed
 @lru_cache(maxsize=_CACHED_CONNECTIONS)
-def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = True) -> Connection:
+def bisect_omega_h(
+    parameters: Parameters, engine: Engine, *, confirm: bool = True
+) -> BisectedOmegaH:
     """Return Omega_h, found by bisection on the side to which the unstable branch goes.
 
     The result is accurate to the last digits of double, and it is cached.
@@ -138,9 +140,9 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
     # The branch winds about a saddle-focus and passes it without being connected.
     refuse_focus(parameters, centre)
     if not confirm:
-        return Connection(Measured(centre, half_width), "bisection in double")
+        return BisectedOmegaH(Measured(centre, half_width), "bisection in double")
     if not engine.measures_error:
-        return Connection(
+        return BisectedOmegaH(
             Measured(centre, half_width + _spread_of_tolerances(passes, centre)),
             "bisection, tolerances",
         )
@@ -153,7 +155,7 @@ def bisect_omega_h(parameters: Parameters, engine: Engine, *, confirm: bool = Tr
                 "the bisection's bracket could not be confirmed in a wider arithmetic"
             )
     # Twice as wide: close to its ends another processor's wider run may see the other side.
-    return Connection(
+    return BisectedOmegaH(
         Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision"
     )
 

@@ -25,7 +25,7 @@ from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["ConnectionMethod", "Heteroclinic", "connection_at"]
+__all__ = ["ConnectionMethod", "Heteroclinic", "heteroclinic_at"]
 
 ConnectionMethod = Literal["manifolds", "limit-cycles", "bisection", "scipy"]
 # The start's distance from the first saddle, where the branch's series is exact to 30 digits
@@ -164,7 +164,7 @@ class Heteroclinic(Printable):
         return result
 
 
-def connection_at(
+def heteroclinic_at(
     parameters: Parameters,
     omega_h: Measured,
     digits: int,

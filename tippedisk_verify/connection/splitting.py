@@ -44,7 +44,7 @@ from tippedisk_verify.model.precision import (
     bits_for_digits,
     companion,
 )
-from tippedisk_verify.progress import reached
+from tippedisk_verify.progress import report_share
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = [
@@ -355,7 +355,7 @@ def _root(
         splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
         omega, slope = _newton(splitting_at, omega, slope)
         # The time of a flight grows with the square of the bits: coarser stages come before.
-        reached(_BY_STAGES * (precision.bits / stages[-1].bits) ** 2)
+        report_share(_BY_STAGES * (precision.bits / stages[-1].bits) ** 2)
     assert splitting_at
     assert slope
     return splitting_at, omega, slope
@@ -369,7 +369,7 @@ def _zero(
     wider = companion(precision)
     finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
     check = finer(omega)
-    reached(_BY_WIDER_RUN)
+    report_share(_BY_WIDER_RUN)
     budget = {
         "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
         # L(s) leaves out the square of the fast coordinate, with a curvature of order 1.

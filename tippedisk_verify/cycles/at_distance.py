@@ -8,17 +8,17 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import Location, Locator, locator
+from tippedisk_verify.cycles.locator import Location, Locator, locator_of
 from tippedisk_verify.cycles.passage_cycles import cycle_by_passages, shared_digits
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS, cycle_near, with_speed
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.surroundings import undisturbed
-from tippedisk_verify.progress import part
+from tippedisk_verify.progress import subrange
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above", "rotating_below"]
@@ -85,18 +85,18 @@ def _next_to_omega_h(
         passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
         if passing is not None:
             return passing
-    disk_locator = locator(parameters, engine)
+    disk_locator = locator_of(parameters, engine)
     branch_length = _branch_length(section, disk_locator)
     if distance >= branch_length:
         raise NoSuchCycleError(
             f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
             f"{shown(offset)}"
         )
-    with part(0, _BY_OMEGA_H):
+    with subrange(0, _BY_OMEGA_H):
         omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
-    with part(_BY_OMEGA_H, 1):
+    with subrange(_BY_OMEGA_H, 1):
         if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
             at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
         else:

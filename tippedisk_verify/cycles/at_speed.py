@@ -1,6 +1,6 @@
 """Single limit cycles at a speed: the cycle that a user asks for.
 
-Most are found by shooting from a law. The others need the disk's families, which `locator` keeps.
+Most are found by shooting from a law. The others need the disk's families, which `locator_of` keeps.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ def _locator(parameters: Parameters, engine: Engine) -> Locator:
 
     It is imported here, because most speeds need neither it nor the families that it loads.
     """
-    from tippedisk_verify.cycles.locator import locator
+    from tippedisk_verify.cycles.locator import locator_of
 
-    return locator(parameters, engine)
+    return locator_of(parameters, engine)
 
 
 def cycle_at(

@@ -24,7 +24,7 @@ from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import Locator, locator
+from tippedisk_verify.cycles.locator import Locator, locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS
@@ -166,7 +166,7 @@ class Branch(Printable):
             AccuracyError: If a fold does not have 12 digits.
         """
         disk, zero = (
-            locator(found(self.cycles)[0].parameters, default_engine()),
+            locator_of(found(self.cycles)[0].parameters, default_engine()),
             Measured(Fraction(0), Fraction(0)),
         )
         born = omega_crit(disk.parameters), period_crit(disk.parameters), zero, zero
@@ -201,7 +201,7 @@ class Branch(Printable):
             raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
         if whole(count, 2, _MAX_SPEEDS) is None:
             raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {shown(count)}")
-        disk = locator(found(self.cycles)[0].parameters, default_engine())
+        disk = locator_of(found(self.cycles)[0].parameters, default_engine())
         return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
     def __len__(self) -> int:
@@ -434,7 +434,7 @@ def family(
     Raises:
         InputError: If a speed is not a positive decimal, or there are too many.
     """
-    disk_locator = locator(parameters, engine)
+    disk_locator = locator_of(parameters, engine)
     if paper_sets:
         speeds = [Fraction(speed) for speed in paper_speeds(parameters, disk_locator.omega_h)]
     elif omegas is None:
@@ -554,7 +554,7 @@ def rotating_branch(
     Raises:
         InputError: If a speed is not a positive decimal.
     """
-    disk_locator = locator(parameters, engine)
+    disk_locator = locator_of(parameters, engine)
     if omegas is None:
         return _rotating_overview(disk_locator, half_widths)
     return _at(

@@ -41,7 +41,7 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
-from tippedisk_verify.progress import part, reached
+from tippedisk_verify.progress import report_share, subrange
 
 __all__ = [
     "MORE_DIGITS",
@@ -172,9 +172,9 @@ def cycle_in_precision(
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
         return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
-    with part(0, _BY_FIRST_RUN):
+    with subrange(0, _BY_FIRST_RUN):
         numbers, _, sharper = _sharpened(fixed_point, precision)
-    with part(_BY_FIRST_RUN, 1):
+    with subrange(_BY_FIRST_RUN, 1):
         sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
     return _as_cycle(
         fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
@@ -452,7 +452,7 @@ def iterate_until_rounding(
         if length > _MAX_CHORD_STEP * scale:
             raise failure
         if length > small:
-            reached(
+            report_share(
                 _BY_CHORDS * decimal_magnitude(length / scale) / decimal_magnitude(small / scale)
             )
         return length

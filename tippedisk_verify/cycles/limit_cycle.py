@@ -27,7 +27,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, quantities, quantity
 from tippedisk_verify.model.saved import saved_numbers, write_saved
-from tippedisk_verify.progress import share_of
+from tippedisk_verify.progress import shown_share
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.monodromy import FloquetVectors, Monodromy
@@ -113,7 +113,7 @@ class Cycle(Printable):
         """
         from tippedisk_verify.cycles.monodromy import monodromy_of
 
-        with share_of("monodromy matrix"):
+        with shown_share("monodromy matrix"):
             return monodromy_of(self)
 
     @cached_property

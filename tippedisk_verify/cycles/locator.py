@@ -34,7 +34,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["Location", "Locator", "locator"]
+__all__ = ["Location", "Locator", "locator_of"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -350,7 +350,7 @@ class _ThreadLocators(threading.local):
 _LOCATORS = _ThreadLocators()
 
 
-def locator(parameters: Parameters, engine: Engine) -> Locator:
+def locator_of(parameters: Parameters, engine: Engine) -> Locator:
     """Return the disk's locator, the same one for the same disk, law and engine name.
 
     Args:

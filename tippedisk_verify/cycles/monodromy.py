@@ -20,7 +20,7 @@ from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import DISTANCES, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, as_json, with_widths
-from tippedisk_verify.progress import reached
+from tippedisk_verify.progress import report_share
 
 __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]
 
@@ -262,7 +262,7 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
     others, every = list[Result](), list(_each_moved(values, moves))
     for n, moved in enumerate(every, start=1):
         others.append(over_a_period(point(moved), moved))
-        reached(_BY_MOVED_FLIGHTS * n / len(every))
+        report_share(_BY_MOVED_FLIGHTS * n / len(every))
     whole = over_a_period(origin, values, error_estimate=True)
     if float(since):
         error = flight(values[:3], since, values[4], error_estimate=True).error

@@ -13,16 +13,16 @@ from __future__ import annotations
 from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, connection_at
+from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, heteroclinic_at
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero, unmeasured_zero
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.surroundings import undisturbed
 
 __all__ = ["METHODS", "heteroclinic"]
 
@@ -76,4 +76,4 @@ def heteroclinic(
         omega_h = bisect_omega_h(
             parameters, Baseline("DOP853") if method == "scipy" else engine
         ).omega_h
-    return connection_at(parameters, omega_h, digits, method=method, engine=engine, zero=zero)
+    return heteroclinic_at(parameters, omega_h, digits, method=method, engine=engine, zero=zero)

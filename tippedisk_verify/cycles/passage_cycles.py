@@ -34,9 +34,9 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law", "shared_digits"]

@@ -1,5 +1,5 @@
-"""The sections of the state space on which limit cycles are fixed points, one for each kind of
-cycle.
+"""The sections on which limit cycles are fixed points, and a cycle's period, Floquet multipliers
+and slopes from its return map (`Section.table`).
 
 From a point of the section the flow goes on to the section's next crossing. A symmetry of the
 equations takes it back. That is the return map, see `return_map`.

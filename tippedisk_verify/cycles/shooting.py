@@ -21,10 +21,10 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
-from tippedisk_verify.model.surroundings import undisturbed
-from tippedisk_verify.theory.harmonic_balance import section_start
+from tippedisk_verify.theory.one_harmonic_law import section_start
 
 __all__ = ["NEWBORN", "LimitCycle", "limit_cycle", "shoot", "shoot_from_amplitude_law"]
 

@@ -30,10 +30,10 @@ from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import fraction, shown, whole
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, quantity
-from tippedisk_verify.model.surroundings import undisturbed
 
 __all__ = [
     "BalancedCycle",

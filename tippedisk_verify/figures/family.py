@@ -13,14 +13,14 @@ from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.cycles.branch import family, found, rotating_branch
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import locator
+from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.scenes import SCENES
-from tippedisk_verify.theory.harmonic_balance import Form, one_harmonic
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
+from tippedisk_verify.theory.one_harmonic_law import Form, one_harmonic
 
 __all__ = ["branch", "draw_branch", "draw_scenario", "law_rows", "scenario"]
 
@@ -229,7 +229,7 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
     """
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, birth = audit.omega_h(name), _birth(parameters)
-    fold = fold_in_double(locator(parameters, engine).rotations)
+    fold = fold_in_double(locator_of(parameters, engine).rotations)
     lowest = Fraction(fold["omega"])
     gap = omega_h.value - lowest
     # Curves are steepest at the fold and next to Omega_h, so the speeds are densest there.

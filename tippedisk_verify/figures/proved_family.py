@@ -10,7 +10,7 @@ import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.proofs.kernel.certificates.family import Piece
-from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
+from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
 
 __all__ = ["draw_proved_family"]
 
@@ -19,7 +19,7 @@ _MIN_DISTANCE = 1e-5  # the least distance of an amplitude from pi that is shown
 _AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
-def draw_proved_family(proof: BranchProof) -> Any:
+def draw_proved_family(proof: FamilyProof) -> Any:
     """Draw the family of a proof whose Hopf end is closed, in four panels.
 
     Returns:
@@ -34,7 +34,7 @@ def draw_proved_family(proof: BranchProof) -> Any:
     return figure
 
 
-def _arcs(proof: BranchProof) -> list[tuple[Piece, str, Any, Any]]:
+def _arcs(proof: FamilyProof) -> list[tuple[Piece, str, Any, Any]]:
     """Return each arc with its colour, amplitudes [rad] and speeds [rad/s]."""
     arcs = []
     for count, piece in enumerate(proof.pieces):
@@ -50,7 +50,7 @@ def _arcs(proof: BranchProof) -> list[tuple[Piece, str, Any, Any]]:
     return arcs
 
 
-def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
+def _family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     for _, colour, a, omega in _arcs(proof):
         axis.plot(omega, a, color=colour, lw=2.2)
     if proof.end_closed and proof.end is not None:
@@ -82,7 +82,7 @@ def _family(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
     axis.ticklabel_format(useOffset=False)
 
 
-def _widths(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
+def _widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     edges = [float(piece.low) for piece in proof.pieces] + [float(proof.pieces[-1].high)]
     for rows, style, manner in (
         ("unique_within", "-", "no other cycle within"),
@@ -109,7 +109,7 @@ def _widths(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
     axis.legend(loc="lower left")
 
 
-def _hopf_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
+def _hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     for piece, colour, a, omega in _arcs(proof)[:2]:
         off = float(piece.unique_within[1])
         axis.fill_between(a, omega - off, omega + off, color=colour, alpha=0.3, lw=0)
@@ -127,7 +127,7 @@ def _hopf_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> Non
     axis.set_title("The Hopf end: the first arc begins at 0; shaded, its tube")
 
 
-def _connection_end(axis: Any, proof: BranchProof, crit: float, omega_h: float) -> None:
+def _connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     closed = "the set Q holds the rest" if proof.end_closed else "open"
     axis.set_title(f"The heteroclinic end: {closed}")
     near = [arc for arc in _arcs(proof) if math.pi - float(arc[0].high) < 0.8]

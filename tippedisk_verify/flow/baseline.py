@@ -31,8 +31,8 @@ from tippedisk_verify.flow.start import Start, at_rest
 from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import field, jacobian, shifted, terms
 from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["METHODS", "Baseline", "ScipyMethod"]
 

@@ -18,7 +18,7 @@ from typing import Any
 
 from tippedisk_verify.cache import code_folder
 
-__all__ = ["guarded", "vouch"]
+__all__ = ["add_checksums", "use_checked_cache"]
 
 _MAX_CACHE_BYTES = 256 * 2**20  # bytes
 # All columns that heyoka reads, except the time of last use: it changes, and only decides which
@@ -44,7 +44,7 @@ _RECKON = (
 _in_use: list[Any] = []
 
 
-def guarded(llvm_state: Any) -> None:
+def use_checked_cache(llvm_state: Any) -> None:
     """Give heyoka a checked cache file in this package's cache folder.
 
     heyoka uses no cache file if none is wanted or can be used.
@@ -64,10 +64,10 @@ def guarded(llvm_state: Any) -> None:
             llvm_state.set_diskcache_limit(_MAX_CACHE_BYTES)
             llvm_state.set_diskcache_enabled(True)
             _in_use[:] = [llvm_state, path, note, llvm_state.get_diskcache_size()]
-            atexit.register(vouch, ending=True)
+            atexit.register(add_checksums, ending=True)
 
 
-def vouch(*, ending: bool = False) -> None:
+def add_checksums(*, ending: bool = False) -> None:
     """Add checksums to new entries if the cache has changed its size since the last call.
 
     Args:

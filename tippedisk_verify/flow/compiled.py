@@ -11,7 +11,7 @@ from itertools import count
 from threading import RLock
 from typing import Any
 
-from tippedisk_verify.flow.code_cache import vouch
+from tippedisk_verify.flow.code_cache import add_checksums
 
 __all__ = ["CompiledRunners"]
 
@@ -61,7 +61,7 @@ class CompiledRunners:
                     while len(self._slots) >= _MAX_KEPT:  # remove the least recently used runner
                         del self._slots[min(self._slots, key=lambda other: self._slots[other].used)]
                     slot = self._slots[key] = _Slot(compiled())
-                vouch()  # add the checksum of the new code at once
+                add_checksums()  # add the checksum of the new code at once
         with slot.lock:
             if slot.running:
                 raise RuntimeError(

@@ -6,7 +6,7 @@ import threading
 from functools import lru_cache
 from types import ModuleType
 
-from tippedisk_verify.flow.code_cache import guarded
+from tippedisk_verify.flow.code_cache import use_checked_cache
 from tippedisk_verify.model.precision import heyoka_types
 
 __all__ = ["heyoka_module"]
@@ -25,7 +25,7 @@ def heyoka_module() -> ModuleType:
     heyoka = heyoka_types()
     with _LOAD_LOCK:
         heyoka.llvm_state.set_memcache_limit(_MEMORY_LIMIT)
-        guarded(heyoka.llvm_state)
+        use_checked_cache(heyoka.llvm_state)
         # It logs to standard output, which is for results. Each run's outcome holds its warnings.
         heyoka.set_logger_level_critical()
     return heyoka

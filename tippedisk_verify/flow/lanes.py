@@ -32,10 +32,10 @@ from tippedisk_verify.model.arrays import Array, numbers
 from tippedisk_verify.model.equations import shifted as _shifted
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["BatchResult", "BatchTaylor", "field_constants"]
 

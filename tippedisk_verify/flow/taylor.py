@@ -23,8 +23,8 @@ from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
 from tippedisk_verify.flow.integrator import CompiledStepper
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
-from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Taylor"]
 

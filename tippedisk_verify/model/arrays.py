@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import refuse_qualified
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.surroundings import undisturbed_methods
 
 __all__ = ["Array", "OnArrays", "doubles", "half_widths", "numbers", "workable"]
 

@@ -14,7 +14,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_decimals
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.surroundings import undisturbed_methods
+from tippedisk_verify.model.numpy_errors import undisturbed_methods
 
 __all__ = [
     "COORDINATES",

@@ -30,10 +30,10 @@ from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown, whole
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.motion.scenes import from_inverted
 from tippedisk_verify.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization

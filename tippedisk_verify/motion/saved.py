@@ -12,6 +12,7 @@ import numpy
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import EventRecord, Status
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -26,7 +27,6 @@ from tippedisk_verify.model.saved import (
     saved_numbers,
     write_saved,
 )
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.motion.solution import Derivative, Solution
 
 __all__ = ["load", "save_solution"]

@@ -40,7 +40,7 @@ from tippedisk_verify.reference_values.entries import (
     trimmed,
 )
 from tippedisk_verify.reference_values.store import OPTIONAL, Quantity, codebook, definition_of
-from tippedisk_verify.theory import harmonic_balance, hopf, slow_manifold
+from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
 
 __all__ = [
     "BITS",
@@ -284,7 +284,7 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
 def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """Evaluate the one-harmonic law in floating point."""
     c, omega = _in(ctx, case, "Omega")
-    square, frequency_squared = harmonic_balance.squares(c, omega, case.inputs["form"])
+    square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])
     frequency = ctx.sqrt(frequency_squared)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
@@ -441,7 +441,7 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
     "harmonic-balance": lambda case, digits: _named(
         case,
-        harmonic_balance.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
+        one_harmonic_law.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
     "trajectory": motion,

@@ -18,10 +18,10 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, Exact, shown
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Eigenvalue, Printable, as_json, quantity
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [

@@ -43,10 +43,10 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, quantity
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [

@@ -25,10 +25,10 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, terms
 from tippedisk_verify.model.exact import exact, quotient, shown, whole
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, quantity
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries

@@ -27,9 +27,14 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     base_of,
     problems,
 )
-from tippedisk_verify.conformance.diagnosis.regression import Problem, Search, likelihood, made
+from tippedisk_verify.conformance.diagnosis.regression import (
+    Problem,
+    Search,
+    likelihood,
+    with_changes,
+)
 from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
-from tippedisk_verify.conformance.diagnosis.step_methods import method
+from tippedisk_verify.conformance.diagnosis.step_methods import recognised_method
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store
@@ -164,7 +169,7 @@ class _Sheet:
             self.consequences(tables)
             self.lost(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
-            self.causes += [("method", says)] if (says := method(table)) else []
+            self.causes += [("method", says)] if (says := recognised_method(table)) else []
         named = [
             ("equations", self.text(change, tables))
             for change in self.changes
@@ -225,7 +230,7 @@ class _Sheet:
     ) -> Values:
         """Return the equations under a law with some changes; inputs replace definitions."""
         values = Values(SMOOTH if law == "smooth" else LINEAR, {})
-        return made(values.holding(**(inputs or {})), some)
+        return with_changes(values.holding(**(inputs or {})), some)
 
     @np.errstate(all="ignore")
     def predicted(

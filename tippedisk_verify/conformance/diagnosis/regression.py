@@ -23,7 +23,7 @@ from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
 from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Problem", "Search", "likelihood", "made"]
+__all__ = ["Problem", "Search", "likelihood", "with_changes"]
 
 _SAMPLES = 40  # wrong answers on which changes are tried; all others confirm
 _RIGHT_SAMPLES = 8  # right ones beside them
@@ -80,7 +80,7 @@ def likelihood(some: Iterable[Change]) -> list[int]:
     return [sum(parts) for parts in zip(*(change.order for change in some), strict=True)]
 
 
-def made(values: Values, some: Iterable[Change]) -> Values:
+def with_changes(values: Values, some: Iterable[Change]) -> Values:
     """The values after several changes, one after the other."""
     for change in some:
         values = values.changed(change.pieces)
@@ -169,7 +169,9 @@ class _Effects:
 
     def fits(self, some: Set) -> bool:
         """Return True if the answers bear out so many changes, and come from them."""
-        return len(some) <= self.problem.most and self.problem.fits(made(self.program, some))
+        return len(some) <= self.problem.most and self.problem.fits(
+            with_changes(self.program, some)
+        )
 
     def total(self, values: Values) -> Array:
         """Return the sum that vanishes for right answers."""

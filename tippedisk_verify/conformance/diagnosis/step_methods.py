@@ -10,7 +10,7 @@ from tippedisk_verify.conformance.diagnosis.entries import Array, Table
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["method"]
+__all__ = ["recognised_method"]
 
 _STATE = ("beta", "gamma", "v")
 _TRIED = 3  # trajectories that a method is tried on
@@ -49,7 +49,7 @@ def _flown(
 
 
 @np.errstate(all="ignore")
-def method(table: Table) -> str:
+def recognised_method(table: Table) -> str:
     """Name the method whose own errors are those of the first samples, and take these out; ""
     if none has them.
     """

@@ -31,7 +31,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precisi
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     CLAIM,
     LID,
-    End,
+    CyclesNextToConnection,
     LoopMap,
     verify_cycles,
 )
@@ -41,7 +41,12 @@ from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
 from tippedisk_verify.proofs.search.connection import ProvedConnection, eigenvectors
 
-__all__ = ["EndStatus", "ProvedEnd", "checked_distance", "prove_end"]
+__all__ = [
+    "ConnectionCyclesProof",
+    "ConnectionCyclesStatus",
+    "checked_distance",
+    "prove_connection_cycles",
+]
 
 #: u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
@@ -63,7 +68,7 @@ _FLOWN, _LONGEST = 1e-3, 3000  # length [s] and largest number of steps of the s
 Array = NDArray[np.float64]
 
 
-class EndStatus(Enum):
+class ConnectionCyclesStatus(Enum):
     """The ways in which the proof can end; each value is a message with what to try next."""
 
     PROVED = "proved"
@@ -77,12 +82,12 @@ class EndStatus(Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class ProvedEnd(Proof):
+class ConnectionCyclesProof(Proof):
     """The proof of the cycles at speeds from ``low`` to ``high`` [rad/s], if the status is
     PROVED.
     """
 
-    status: EndStatus
+    status: ConnectionCyclesStatus
     connection: ProvedConnection
     low: Fraction = Fraction(0)
     high: Fraction = Fraction(0)
@@ -129,7 +134,9 @@ class ProvedEnd(Proof):
         if not self.proved or self.connection.omega_h is None:
             return False
         above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
-        return End(self.low, self.high, above, self.gamma, self.v).meets(omega, gamma_bar, v)
+        return CyclesNextToConnection(self.low, self.high, above, self.gamma, self.v).meets(
+            omega, gamma_bar, v
+        )
 
     def to_dict(self) -> dict[str, object]:
         omega_h, names = self.connection.omega_h, ("from", "to", "gamma", "v")
@@ -146,12 +153,12 @@ class ProvedEnd(Proof):
         }
 
 
-def prove_end(
+def prove_connection_cycles(
     connection: ProvedConnection,
     reach: object = "0.008",
     below: object = "0.0015",
     watch: Callable[[float], None] = lambda share: None,
-) -> ProvedEnd:
+) -> ConnectionCyclesProof:
     """Prove the cycles up to ``reach`` above a proved connection, and their absence down to
     ``below`` it.
 
@@ -167,7 +174,7 @@ def prove_end(
         or omega_h is None
         or connection.verified is None
     ):
-        return ProvedEnd(EndStatus.NO_CONNECTION, connection)
+        return ConnectionCyclesProof(ConnectionCyclesStatus.NO_CONNECTION, connection)
     parameters.refuse_unless_linear("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
     low, high = middle - under, middle + above
@@ -180,7 +187,9 @@ def prove_end(
             with working_precision(connection.bits):
                 end = verify_cycles(connection.verified, low, high, search, watch)
         except Unproved as fault:
-            failed = ProvedEnd(search.stopped(fault), connection, low, high, where=str(fault))
+            failed = ConnectionCyclesProof(
+                search.stopped(fault), connection, low, high, where=str(fault)
+            )
             if not failed.where.startswith(LID):
                 break
         else:
@@ -188,8 +197,15 @@ def prove_end(
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
             entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
             choices = search.log | {"entry": entry}
-            return ProvedEnd(
-                EndStatus.PROVED, connection, low, high, end.gamma, end.v, texts, choices=choices
+            return ConnectionCyclesProof(
+                ConnectionCyclesStatus.PROVED,
+                connection,
+                low,
+                high,
+                end.gamma,
+                end.v,
+                texts,
+                choices=choices,
             )
     return failed
 
@@ -216,13 +232,17 @@ class _EndSearch(Proposer):
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
-    def stopped(self, fault: Unproved) -> EndStatus:
+    def stopped(self, fault: Unproved) -> ConnectionCyclesStatus:
         """Return the status of the stage at which the kernel or the search gave up."""
         if isinstance(fault, Stopped):
-            return EndStatus(fault.status)
+            return ConnectionCyclesStatus(fault.status)
         if "connection" in str(fault):
-            return EndStatus.APART
-        return EndStatus.FLIGHT if str(fault).startswith("flight") else EndStatus.INEQUALITY
+            return ConnectionCyclesStatus.APART
+        return (
+            ConnectionCyclesStatus.FLIGHT
+            if str(fault).startswith("flight")
+            else ConnectionCyclesStatus.INEQUALITY
+        )
 
     def box(self) -> dict[str, Any]:
         omega_h, parameters = self.connection.omega_h, self.connection.parameters
@@ -269,7 +289,7 @@ class _EndSearch(Proposer):
 
     def _return_map(self, n: Passage, lid: float) -> LoopMap:
         if lid > float(n.extents[0]) / 2:
-            raise Stopped(EndStatus.NO_LID)
+            raise Stopped(ConnectionCyclesStatus.NO_LID)
         return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:

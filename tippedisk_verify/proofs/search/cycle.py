@@ -33,7 +33,7 @@ from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "OrbitProof", "OrbitStatus", "prove_cycle"]
+__all__ = ["HALF", "TURN", "CycleProof", "CycleStatus", "prove_cycle"]
 
 
 _GUARD_DIGITS = 6  # by these the box is smaller than the requested digits
@@ -45,7 +45,7 @@ _MAX_ITERATIONS = 25
 _MAX_ATTEMPTS = 6
 
 
-class OrbitStatus(Enum):
+class CycleStatus(Enum):
     """The ways in which a proof of a limit cycle can end.
 
     Each value is a message with what to try next.
@@ -66,7 +66,7 @@ class OrbitStatus(Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class OrbitProof(Proof):
+class CycleProof(Proof):
     """The proof of one limit cycle, librating (`HALF`) or rotating (`TURN`).
 
     Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
@@ -75,7 +75,7 @@ class OrbitProof(Proof):
     _printed: ClassVar = ("stable", "reversals", "unique_within")
 
     section: PoincareSection
-    status: OrbitStatus
+    status: CycleStatus
     where: str  #: the place at which the proof ended
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
@@ -122,7 +122,9 @@ class OrbitProof(Proof):
             if not value.is_finite():
                 return 64
             size = (
-                magnitude(value) if name in cycle.main(self.section) else max(0, magnitude(value))
+                magnitude(value)
+                if name in cycle.main_numbers(self.section)
+                else max(0, magnitude(value))
             )
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
             worst = max(
@@ -137,7 +139,9 @@ class OrbitProof(Proof):
         """
         if not self.proved:
             raise InputError(self.statement)
-        return {name: widened(measured(self.values[name])) for name in cycle.names(self.section)}
+        return {
+            name: widened(measured(self.values[name])) for name in cycle.claimed_names(self.section)
+        }
 
 
 def _decimal_below(x: Any) -> str:
@@ -159,7 +163,7 @@ def prove_cycle(
     digits: int = 12,
     most_bits: int = 20_000,
     section: PoincareSection = HALF,
-) -> OrbitProof:
+) -> CycleProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
     The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma =
@@ -175,8 +179,8 @@ def prove_cycle(
     try:
         return attempt.run([exact(part) for part in guess])
     except Stopped as fault:
-        return OrbitProof(
-            section, OrbitStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits
+        return CycleProof(
+            section, CycleStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits
         )
 
 
@@ -205,7 +209,7 @@ class Attempt:
         """Return the equations of motion at the current working precision."""
         return model_of(self.parameters, ball(self.omega))
 
-    def run(self, guess: Sequence[Any]) -> OrbitProof:
+    def run(self, guess: Sequence[Any]) -> CycleProof:
         middle = self.sharpened(guess)
         for _ in range(_MAX_ATTEMPTS):
             with working_precision(self.bits):
@@ -215,7 +219,7 @@ class Attempt:
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
                     ended, more = (
-                        Stopped(OrbitStatus.NOT_INCLUDED, f"in {self.bits} bits"),
+                        Stopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
                         _shortage(fixed, evidence),
                     )
                 else:
@@ -224,7 +228,7 @@ class Attempt:
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
                     ended, more = (
-                        Stopped(OrbitStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
+                        Stopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
                         lacking + 4,
                     )
                     self.box_bits += more
@@ -257,7 +261,7 @@ class Attempt:
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
         if not scale > 0:
-            raise Stopped(OrbitStatus.TRIVIAL, "the guess is the equilibrium")
+            raise Stopped(CycleStatus.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
         # -log2 of the last step's size relative to the state, and of the matrix's error
         correct, gain = 0, 0
@@ -277,12 +281,12 @@ class Attempt:
                 )
                 if not all(part.is_finite() for part in step):
                     raise Stopped(
-                        OrbitStatus.NOT_CONVERGED, "the derivative of the map is singular"
+                        CycleStatus.NOT_CONVERGED, "the derivative of the map is singular"
                     )
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
-                raise Stopped(OrbitStatus.TRIVIAL, "in Newton's iteration")
+                raise Stopped(CycleStatus.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
@@ -295,12 +299,12 @@ class Attempt:
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
         raise Stopped(
-            OrbitStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
+            CycleStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
         )
 
     def neighbourhood(
-        self, proof: OrbitProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
-    ) -> OrbitProof:
+        self, proof: CycleProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
+    ) -> CycleProof:
         """Return the proof with the widest box that passes the test, and with its evidence."""
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
@@ -313,17 +317,17 @@ class Attempt:
                     evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
-        return replace(proof, unique_within=cycle.apart(fixed, radii), evidence=evidence)
+        return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
 
-    def concluded(self, fixed: FixedPoints) -> OrbitProof:
+    def concluded(self, fixed: FixedPoints) -> CycleProof:
         """Return the proof of the cycle, with its numbers, from a test that was passed."""
         values, where = (
             cycle.cycle_numbers(self.section, fixed),
             f"{fixed.centre.steps} + {fixed.box.steps} steps",
         )
-        return OrbitProof(
+        return CycleProof(
             self.section,
-            OrbitStatus.PROVED,
+            CycleStatus.PROVED,
             f"in {self.bits} bits, {where}",
             self.parameters,
             self.omega,
@@ -336,7 +340,7 @@ class Attempt:
 
 def _not_followed(flight: Return) -> Stopped:
     return Stopped(
-        OrbitStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
+        CycleStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
     )
 
 

@@ -24,10 +24,10 @@ from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.branch import BranchProof, omega_crit
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
+from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
+from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
 
 __all__ = [
     "HOPF_END",
@@ -77,7 +77,7 @@ def prove_family(
     pool: Pool = lambda several: nullcontext(),
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
-) -> BranchProof:
+) -> FamilyProof:
     """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or up to the
     connection.
 
@@ -94,7 +94,7 @@ def prove_family(
     pieces: list[Piece] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ProvedConnection | None = None
-    near: ProvedEnd | None = None
+    near: ConnectionCyclesProof | None = None
 
     def keep(found: Piece | ArcStatus, interval: Interval) -> None:
         if isinstance(found, Piece):
@@ -126,26 +126,26 @@ def prove_family(
     one_curve = chain(pieces)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
-    return BranchProof(parameters, tuple(one_curve), stopped, connection, near)
+    return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
-def _next_to(connection: ProvedConnection) -> ProvedEnd | None:
+def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     """Prove the cycles next to the connection, with the largest reach that succeeds.
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
-    from tippedisk_verify.proofs.search.connection_cycles import prove_end
+    from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 
     end = None
     for reach in _INTERVAL_LENGTHS if connection.proved else ():
         with suppress(InputError):  # for a reach beyond Omega_crit
-            end = prove_end(connection, reach)
+            end = prove_connection_cycles(connection, reach)
         if end is not None and end.proved:
             break
     return end
 
 
-def _end_for(near: ProvedEnd | None, known: Sequence[Known]) -> Fraction | None:
+def _end_for(near: ConnectionCyclesProof | None, known: Sequence[Known]) -> Fraction | None:
     """Return an amplitude at which pieces reach the proved cycles next to the connection, or None
     if these are not proved.
     """

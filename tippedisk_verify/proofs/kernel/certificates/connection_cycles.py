@@ -158,7 +158,7 @@ __all__ = [
     "EVIDENCE",
     "LID",
     "SHAPES",
-    "End",
+    "CyclesNextToConnection",
     "LoopMap",
     "sentence",
     "verify",
@@ -193,7 +193,7 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 
 @dataclass(frozen=True)
-class End:
+class CyclesNextToConnection:
     """A verified result: for each speed of (Omega_h, high] the half map has exactly one fixed point
     in Q.
     """
@@ -229,7 +229,7 @@ def verify_cycles(
     high: Fraction,
     choose: Callable[..., Any],
     watch: Callable[[float], None] = lambda share: None,
-) -> End:
+) -> CyclesNextToConnection:
     """Verify the cycles at speeds from ``low`` to ``high`` [rad/s].
 
     Args:
@@ -261,7 +261,7 @@ def verify_cycles(
     _connected(n, connection)
     kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
-    return End(low, high, connection.high, c, d, kappa, loop_map.time)
+    return CyclesNextToConnection(low, high, connection.high, c, d, kappa, loop_map.time)
 
 
 class LoopMap:
@@ -477,7 +477,7 @@ SHAPES = {
 }
 
 
-def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> End:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
     """Verify the claim of the cycles next to the connection, and return the result.
 
     Args:

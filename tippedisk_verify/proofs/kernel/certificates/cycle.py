@@ -41,14 +41,14 @@ __all__ = [
     "KINDS",
     "SHAPES",
     "UNKNOWNS",
-    "apart",
+    "claimed_names",
     "cycle_numbers",
-    "main",
-    "names",
+    "main_numbers",
     "place",
     "reversals",
     "sentence",
     "stability",
+    "uniqueness_radii",
     "verify",
 ]
 
@@ -57,17 +57,17 @@ KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
 UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
-def names(section: PoincareSection) -> tuple[str, ...]:
+def claimed_names(section: PoincareSection) -> tuple[str, ...]:
     """Return the names of the claimed numbers.
 
-    Those of `main` come first. They have the requested digits.
+    Those of `main_numbers` come first. They have the requested digits.
     """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
-    return *main(section), *others, *slopes
+    return *main_numbers(section), *others, *slopes
 
 
-def main(section: PoincareSection) -> tuple[str, ...]:
+def main_numbers(section: PoincareSection) -> tuple[str, ...]:
     return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
 
 
@@ -127,7 +127,7 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
     return False if positive(slow) else None
 
 
-def apart(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
+def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return two balls: the distances from the fixed point to the faces of a tested box.
 
     ``radii`` are those of the box. No other fixed point is nearer than these distances.
@@ -148,7 +148,7 @@ SHAPES = {
     kind: (
         {
             "omega": decimal,
-            "numbers": dict.fromkeys(names(section), MEASURED),
+            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
             "stable": one_of(True, False, None),
             "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
             "reversals?": count,
@@ -197,7 +197,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         widest = evidence["wide box"]["radii"]
         with working_precision(evidence["wide box"]["bits"]):
             test("wide box", fixed.centre)
-    for name, room in zip(UNKNOWNS[section], apart(fixed, widest), strict=True):
+    for name, room in zip(UNKNOWNS[section], uniqueness_radii(fixed, widest), strict=True):
         least = ball(claim["unique_within"][name])
         require(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
 

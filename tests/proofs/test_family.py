@@ -33,11 +33,14 @@ from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family_intervals as search
-from tippedisk_verify.proofs.search.branch import BranchProof
 from tippedisk_verify.proofs.search.certificate import parameter_texts
-from tippedisk_verify.proofs.search.connection_cycles import EndStatus, ProvedEnd
+from tippedisk_verify.proofs.search.connection_cycles import (
+    ConnectionCyclesProof,
+    ConnectionCyclesStatus,
+)
 from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle import prove_cycle
+from tippedisk_verify.proofs.search.family import FamilyProof
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -209,14 +212,18 @@ def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) ->
 
 # --------------------------------------------------------------------------- what is said, and kept
 def _end(
-    parameters: Parameters, low: str, high: str, gamma: str, status: EndStatus = EndStatus.PROVED
-) -> ProvedEnd:
+    parameters: Parameters,
+    low: str,
+    high: str,
+    gamma: str,
+    status: ConnectionCyclesStatus = ConnectionCyclesStatus.PROVED,
+) -> ConnectionCyclesProof:
     """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar
     from pi - ``gamma`` on.
     """
     omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
     connection = replace(proved_connection(), omega_h=omega_h, parameters=parameters)
-    return ProvedEnd(
+    return ConnectionCyclesProof(
         status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1)
     )
 
@@ -225,7 +232,7 @@ def _end(
 @pytest.mark.slow(minutes=0.3)
 def test_the_other_end_closes_only_what_it_reaches() -> None:
     """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
-    proof = BranchProof(PRINTED, (piece(), second()))
+    proof = FamilyProof(PRINTED, (piece(), second()))
     assert not proof.end_closed
     low, high = proof.pieces[-1].speeds(NEXT)
     reaches = replace(proof, end=_end(PRINTED, "30", "30.8850", "3.05"))
@@ -249,7 +256,7 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         _end(PRINTED, "30.8850", "30.89", "3.05"),  # the piece's speed is below Omega_h
         _end(PRINTED, "30", "30.8850", "3.03"),  # the piece does not reach Q
         _end(CALIBRATED, "30", "30.8850", "3.05"),
-        _end(PRINTED, "30", "30.8850", "3.05", EndStatus.INEQUALITY),
+        _end(PRINTED, "30", "30.8850", "3.05", ConnectionCyclesStatus.INEQUALITY),
     ):
         open_proof = replace(proof, end=end)
         assert not open_proof.end_closed
@@ -260,7 +267,7 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_what_is_covered() -> None:
-    proof = BranchProof(PRINTED, (piece(), second()), connection=proved_connection())
+    proof = FamilyProof(PRINTED, (piece(), second()), connection=proved_connection())
     entries = proof.to_dict()
     assert (entries["proved"], entries["ends"]["hopf"]) == (False, {"closed": True})
     assert entries["ends"]["heteroclinic"]["closed"] is False
@@ -283,7 +290,7 @@ def test_what_is_covered() -> None:
         proof, pieces=(piece(), replace(second(), low=second().low + Fraction(1, 1000)))
     )
     assert holed.statement.startswith("nothing is proved")
-    nothing = BranchProof(SUBCRITICAL, (), ArcStatus.RISING)
+    nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.RISING)
     assert (
         nothing.statement
         == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."
@@ -293,7 +300,7 @@ def test_what_is_covered() -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_the_command_says_and_draws_what_is_proved(monkeypatch, tmp_path) -> None:
-    proof = BranchProof(PRINTED, (piece(), second()), connection=proved_connection())
+    proof = FamilyProof(PRINTED, (piece(), second()), connection=proved_connection())
     monkeypatch.setattr(search, "prove_family", lambda *_, **__: proof)
     words = f"certify branch --to {float(NEXT)}"
     result = answer(f"{words} --out {tmp_path}", status=1)

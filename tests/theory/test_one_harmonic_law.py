@@ -18,7 +18,8 @@ from tests.problems import decimals, paper_terms, physical_parameters
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.theory.harmonic_balance import (
+from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify.theory.one_harmonic_law import (
     Form,
     chi,
     delta,
@@ -29,7 +30,6 @@ from tippedisk_verify.theory.harmonic_balance import (
     slopes,
     squares,
 )
-from tippedisk_verify.theory.hopf import omega_crit
 
 FORMS: tuple[Form, ...] = ("printed", "consistent")
 DIGITS = 200

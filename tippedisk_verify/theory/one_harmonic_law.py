@@ -20,10 +20,10 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.model.surroundings import undisturbed
 from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared, period_of
 from tippedisk_verify.theory.real_roots import square_root
 

@@ -29,17 +29,17 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
 from tippedisk_verify.proofs.search.connection import ProvedConnection
-from tippedisk_verify.proofs.search.connection_cycles import ProvedEnd
+from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
 
-__all__ = ["BranchProof", "omega_crit"]
+__all__ = ["FamilyProof", "omega_crit"]
 
 _BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
 _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
 @dataclass(frozen=True, repr=False)
-class BranchProof(Proof):
+class FamilyProof(Proof):
     """The proof of the family.
 
     ``pieces`` form one curve from the Hopf point on; there may be none.
@@ -50,7 +50,9 @@ class BranchProof(Proof):
     #: The reason why the piece after the last one is not proved, if one was tried
     stopped: ArcStatus | None = None
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
-    end: ProvedEnd | None = None  #: the cycles next to the connection, if they are proved
+    end: ConnectionCyclesProof | None = (
+        None  #: the cycles next to the connection, if they are proved
+    )
 
     @cached_property
     def hopf_closed(self) -> bool:
