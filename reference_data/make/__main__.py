@@ -10,7 +10,8 @@ import click
 FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
-from tippedisk_verify.commands.common import Output, command, jobs_option, processes  # noqa: E402
+from tippedisk_verify.commands.common import Output, command  # noqa: E402
+from tippedisk_verify.commands.jobs import jobs_option, processes  # noqa: E402
 from tippedisk_verify.interrupts import answering  # noqa: E402
 
 

@@ -15,7 +15,7 @@ from tests.command_line import answer
 from tippedisk_verify.audit.catalogue import CLAIMS, selected
 from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import VARIABLE, Cache
-from tippedisk_verify.commands.common import processes
+from tippedisk_verify.commands.jobs import processes
 from tippedisk_verify.figures.catalogue import EXHIBITS
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED

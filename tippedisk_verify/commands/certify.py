@@ -21,11 +21,10 @@ from tippedisk_verify.commands.common import (
     decimal,
     disk_command,
     group,
-    jobs_option,
     omega_option,
-    processes,
     unstable_option,
 )
+from tippedisk_verify.commands.jobs import jobs_option, processes
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines

@@ -1,4 +1,4 @@
-"""The common parts of the commands: options and their checks, progress, printing and processes."""
+"""The common parts of the commands: options and their checks, progress, printing and tables."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import partial, wraps
@@ -21,15 +21,13 @@ import click
 from tippedisk_verify.commands.help import DefinedCommand, load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
-from tippedisk_verify.interrupts import undoing
 from tippedisk_verify.model.equations import one_speed
 from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.results import result_lines
-from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.progress import Advance, progress_of
 
 if TYPE_CHECKING:
-    from concurrent.futures import Executor
+    pass
 
 __all__ = [
     "MOTION",
@@ -40,27 +38,21 @@ __all__ = [
     "below_crit_option",
     "certificate_option",
     "checked",
-    "checked_jobs",
     "command",
     "decimal",
     "disk_command",
     "file_for",
     "group",
     "half_widths_option",
-    "jobs_option",
-    "known_executor",
     "levels",
     "motion_rows",
     "omega_option",
-    "processes",
     "rotating_option",
     "table",
     "unstable_option",
     "with_width_columns",
-    "workers_of",
 ]
 
-_MIN_OFFERED = 16  # processes that --jobs allows on any machine
 Check = Callable[[click.Context, click.Parameter, Any], Any]  #: click's callback of an option
 _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens": False}
 
@@ -163,33 +155,6 @@ def file_for(*endings: str) -> Check:
     return checked(lambda text: file_ending_in(text, *endings))
 
 
-def checked_jobs(jobs: int | None) -> int | None:
-    """Check a number of processes against this machine's limit, and return it; None stays None.
-
-    Raises:
-        InputError: If it is out of range.
-    """
-    most = max(_MIN_OFFERED, 2 * usable_cores())
-    if jobs is not None and not 1 <= jobs <= most:
-        raise InputError(
-            f"--jobs must lie between 1 and {most} on this machine, not {str(jobs)[:40]}"
-        )
-    return jobs
-
-
-def known_executor(executor: str) -> str:
-    """Check the name of an executor, and return it.
-
-    Raises:
-        InputError: If it is not known.
-    """
-    if executor not in ("serial", "local") and not executor.startswith("dask://"):
-        raise InputError(
-            f"executor '{executor[:60]}' is not known: use serial, local or dask://HOST:PORT"
-        )
-    return executor
-
-
 def _levels(text: str) -> tuple[int, ...]:
     from tippedisk_verify.conformance.grading import LEVEL_NAMES
 
@@ -258,13 +223,6 @@ rotating_option = click.option(
 )
 unstable_option = click.option(
     "--unstable", is_flag=True, help="Choose the unstable cycle if a stable one has the same speed."
-)
-jobs_option = click.option(
-    "--jobs",
-    type=int,
-    metavar="N",
-    callback=checked(checked_jobs),
-    help="Number of processes; the number of cores if not given.",
 )
 certificate_option = click.option(
     "--certificate",
@@ -394,54 +352,6 @@ def alone_in(out: str | None) -> Path | None:
         InputError: If it cannot be used, or another run is writing into it.
     """
     return None if out is None else click.get_current_context().with_resource(sole_writer(out))
-
-
-# --------------------------------------------------------------------------------------- processes
-@contextmanager
-def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
-    """Yield a pool of new processes, or None if this process is enough.
-
-    Ctrl-C reaches this process only, and the pool always ends with it.
-
-    Args:
-        jobs: The number of processes; None for the number of cores.
-        needed: False to yield None in any case.
-
-    Raises:
-        InputError: If `jobs` is out of range.
-    """
-    workers = checked_jobs(jobs) or usable_cores()
-    if workers == 1 or not needed:
-        yield None
-        return
-    from tippedisk_verify.commands.workers import Pool, kill_workers
-
-    with undoing(kill_workers), Pool(workers) as pool:
-        yield pool
-
-
-@contextmanager
-def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
-    """Yield the executor that --executor names, or None for this process.
-
-    Each call checks that its worker has the same code.
-
-    Args:
-        executor: serial, local or dask://HOST:PORT.
-        jobs: The number of processes of a local executor.
-
-    Raises:
-        InputError: If no scheduler answers.
-        AccuracyError: If the cluster fails, or a worker has other code.
-    """
-    from tippedisk_verify.commands.workers import Checked, cluster
-
-    if executor.startswith("dask://"):
-        with cluster(executor) as workers:
-            yield workers
-    else:
-        with processes(jobs, needed=executor == "local") as pool:
-            yield pool and Checked(pool)
 
 
 # ------------------------------------------------------------------------------- motions as tables

@@ -19,15 +19,14 @@ from tippedisk_verify.commands.common import (
     disk_command,
     file_for,
     half_widths_option,
-    jobs_option,
     motion_rows,
     omega_option,
-    processes,
     rotating_option,
     table,
     unstable_option,
     with_width_columns,
 )
+from tippedisk_verify.commands.jobs import jobs_option, processes
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.equations import one_speed

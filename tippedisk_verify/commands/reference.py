@@ -8,7 +8,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import Output, command, group, jobs_option, processes
+from tippedisk_verify.commands.common import (
+    Output,
+    command,
+    group,
+)
+from tippedisk_verify.commands.jobs import jobs_option, processes
 from tippedisk_verify.model.results import heading
 
 if TYPE_CHECKING:

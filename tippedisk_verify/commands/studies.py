@@ -17,12 +17,9 @@ from tippedisk_verify.commands.common import (
     command,
     disk_command,
     file_for,
-    jobs_option,
-    known_executor,
-    processes,
     table,
-    workers_of,
 )
+from tippedisk_verify.commands.jobs import jobs_option, known_executor, processes, workers_of
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched

@@ -14,12 +14,11 @@ from tippedisk_verify.commands.common import (
     Common,
     alone_in,
     checked,
-    checked_jobs,
     decimal,
     disk_command,
-    processes,
     table,
 )
+from tippedisk_verify.commands.jobs import checked_jobs, processes
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import write_csv
 from tippedisk_verify.parallel import usable_cores
