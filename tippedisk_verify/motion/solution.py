@@ -59,8 +59,8 @@ class Solution(Printable):
     - ``events`` are the recorded crossings. Like ``end`` they have half-widths of their time and
       state.
     - ``by["mu"]`` is the derivative of the end and of the states with respect to mu, a
-    `Derivative`. The other keys are omega, the other parameters, and the start's beta, gamma and v,
-    as far as ``variations`` asked for them.
+      `Derivative`. The other keys are omega, the other parameters, and the start's beta, gamma and
+      v, as far as ``variations`` asked for them.
     - ``transition`` (3, 3) is the derivative of the end's state with respect to the start's, and
       ``by_omega`` (3,) [s] that with respect to the speed (rows as in ``y``). Both are taken at a
       fixed time, and are None unless ``variations`` asked for them.
