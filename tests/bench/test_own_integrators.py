@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import answer, assert_refused
+from tests.command_line import answer, assert_refused, ran
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import machine, raced
 from tippedisk_verify.figures.own_race import program_method
@@ -29,6 +29,8 @@ TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(
     encoding="utf-8"
 )
+#: The first lines of files of answers.
+ERRORS, STATES = "problem,setting,seconds,error\n", "problem,setting,seconds,beta,gamma,v\n"
 #: The fourth-order Runge-Kutta method of the page, for its program in C.
 ADVANCE = r"""
 #include <stdio.h>
@@ -201,9 +203,29 @@ def test_a_solver_that_fails_has_a_score_that_says_why(solver: object, said: str
         tv.race(solver)
 
 
+def test_a_program_without_an_answer_ends_the_command_with_status_1(tmp_path: Path) -> None:
+    script, command = tmp_path / "mine.py", f"{sys.executable} {tmp_path / 'mine.py'}"
+    script.write_text("import sys\nsys.exit('there is no file of coefficients')\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tippedisk_verify.bench.methods.METHODS", ())
+        done = ran(["bench", "--only", "transient", "--quiet", "--program", command])
+        assert (done.status, done.out) == (1, "")
+        (line,) = done.err.splitlines()
+        assert line.endswith("before it answered transient: there is no file of coefficients")
+        assert line.startswith(f"no run of {command[:40]}")
+        answers = tmp_path / "elsewhere.csv"
+        answers.write_text(f"{ERRORS}transient,1,1,1\n")
+        assert ran(["bench", "--only", "transient", "--answers", str(answers)]).status == 0
+
+
 def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:
     for text, said in (
         ("pass", "ended with status 0 before it answered"),
+        ("import sys; sys.exit('no licence')", "status 1 before it answered transient: no licence"),
+        (
+            "import os, sys, time; os.close(1); time.sleep(0.1); sys.exit('shut')",
+            "status 1 before it answered transient: shut",
+        ),
         ("input(); print('states')", "its line of JSON has no states"),
         ("""input(); print('{"states": [[1, 2, 3]]}')""", "are an array (20, 3), not (1, 3)"),
     ):

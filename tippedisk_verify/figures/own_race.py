@@ -185,7 +185,7 @@ class _Dialogue:
 
         broken = self._program.ask(json.dumps(question(problem, tolerance)) + "\n", waiting, take)
         if broken:
-            raise ArithmeticError(broken)
+            raise ArithmeticError(self._program.explained(broken))
         try:
             answer = json.loads(lines[0])
             self.seconds = float(answer["seconds"]) if "seconds" in answer else None
