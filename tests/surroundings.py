@@ -145,6 +145,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "omega_crit": lambda: [tv.omega_crit(DISK, digits) for digits in (12, 50)],
     "one_harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "period_crit": lambda: tv.period_crit(DISK),
+    "problem_named": lambda: tv.problem_named("transient").source("c"),
     "reference": lambda: tv.reference(ID),
     "references": lambda: tv.references("table1/linear/hopf"),
     "scene_named": lambda: tv.scene_named("a"),

@@ -2,6 +2,7 @@
 
 from tippedisk_verify.audit.claims import Audit as Audit
 from tippedisk_verify.audit.claims import Verdict as Verdict
+from tippedisk_verify.bench.problems import problem_named as problem_named
 from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
 from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega_h

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -57,25 +58,29 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
 
 
 def test_each_method_has_its_own_look_in_the_order_of_the_curves() -> None:
-    names = [
-        *(method.name for method in METHODS),
-        *(method.name for _, method in PEERS),
-        "mine",
-        "yours",
-    ]
+    own = [f"my {n}" for n in range(12)]
+    names = [*(method.name for method in METHODS), *(method.name for _, method in PEERS), *own]
     scores = [
         Score("p", name, "", "1e-6", "reached", 1e-9, None, 99.0 - n, 0.0, 0.0, 1, 1, 1e-9)
         for n, name in enumerate(names)
+    ]
+    slower = [
+        replace(score, seconds=99.0 + n) for n, score in enumerate(scores) if score.method in own
     ]
     figure = draw_bench(scores)
     assert [text.get_text() for text in figure.axes[0].texts] == ["reference"]
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == names[::-1]
-    looks = {
-        (line.get_color(), line.get_marker(), line.get_markerfacecolor())
-        for line in legend.get_lines()
-    }
-    assert len(looks) == len(names)
+    looks, alone = (
+        {
+            line.get_label(): (line.get_color(), line.get_marker(), line.get_markerfacecolor())
+            for line in drawn.legends[0].get_lines()
+        }
+        for drawn in (figure, draw_bench(slower))
+    )
+    assert len(set(looks.values())) == len(names)
+    # An own method's look depends neither on its time nor on the suite's methods.
+    assert alone == {name: looks[name] for name in own}
 
 
 def test_ratios_name_the_fastest_within_a_bound() -> None:

@@ -20,7 +20,8 @@ import numpy as np
 import pytest
 
 import tippedisk_verify as tv
-from tests.command_line import answer, assert_refused
+from tests.command_line import answer, assert_refused, ran
+from tippedisk_verify.bench.own import method_of, question
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import machine, raced
 from tippedisk_verify.figures.own_race import program_method
@@ -29,6 +30,8 @@ TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(
     encoding="utf-8"
 )
+#: The first lines of files of answers.
+ERRORS, STATES = "problem,setting,seconds,error\n", "problem,setting,seconds,beta,gamma,v\n"
 #: The fourth-order Runge-Kutta method of the page, for its program in C.
 ADVANCE = r"""
 #include <stdio.h>
@@ -107,7 +110,8 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
         monkeypatch.setitem(sys.modules, "numba", Plain())
     monkeypatch.chdir(tmp_path)
     (program,), (answers,) = blocks("c"), blocks("text")
-    Path("mine.c").write_text(TRANSIENT.source("c") + ADVANCE + program)
+    (text_of_problem,) = re.findall(r"`(tv\.problem_named\(.*?\)\.source\(\"c\"\))`", PAGE)
+    Path("mine.c").write_text(eval(text_of_problem, {"tv": tv}) + ADVANCE + program)
     subprocess.run(["cc", "-O2", "-o", "mine", "mine.c", "-lm"], check=True)
     Path("elsewhere.csv").write_text(answers)
     *_, bdf, rk4, race = blocks("python")
@@ -172,12 +176,24 @@ def test_the_command_writes_a_program_and_runs_made_elsewhere(tmp_path: Path) ->
 def test_a_file_of_answers_without_times_and_errors_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "elsewhere.csv"
     for text, said in (
-        ("problem,setting\ntransient,1\n", "need the columns problem, setting, seconds"),
-        ("problem,setting,seconds,error\ntransient,1,0.1,x\n", "has no time and error"),
-        ("problem,setting,seconds,error\nnowhere,1,0.1,1\n", "problem 'nowhere' is not known"),
+        ("problem,setting\ntransient,1\n", "line 1: answers need the columns problem, setting"),
+        (
+            f"{ERRORS}transient,1,1,1\n\ntransient,1,0.1,x\n",
+            "line 4: the error 'x' is not a number",
+        ),
+        (f"{ERRORS}transient,1,oops,1\n", "line 2: the time 'oops' is not a number"),
+        (f"{ERRORS}transient,1\n", "line 2: the time '' is not a number"),
+        (f"{ERRORS}transient,1,0,1\n", "line 2: the time must be positive"),
+        (f"{ERRORS}transient,1,1,-1\n", "and the error not negative"),
+        (f"{ERRORS}transient,1,nan,1\n", "line 2: the time 'nan' is not a number"),
+        (f"{ERRORS}nowhere,1,0.1,1\n", "line 2: problem 'nowhere' is not known"),
+        (f"{STATES}transient,1,1,1,1,1e400\n", "line 2: the v '1e400' is not a number"),
+        (f"{ERRORS}{'1' * 200_000},1,1,1\n", "elsewhere.csv: field larger than field limit"),
     ):
         file.write_text(text)
-        assert said in assert_refused(["bench", "--only", "transient", "--answers", str(file)])
+        line = assert_refused(["bench", "--only", "transient", "--answers", str(file)])
+        assert "elsewhere.csv" in line
+        assert said in line
 
 
 @pytest.mark.parametrize(
@@ -201,9 +217,82 @@ def test_a_solver_that_fails_has_a_score_that_says_why(solver: object, said: str
         tv.race(solver)
 
 
+@pytest.mark.parametrize("command", [False, True])
+@pytest.mark.parametrize(
+    "tolerances", ["abc", [-1], [], 0, None, [1e-6, "x"], float("nan"), "1e400", [[1e-6]], {}]
+)
+def test_tolerances_that_are_not_positive_numbers_are_refused(
+    tolerances: Any, command: bool
+) -> None:
+    solver = sys.executable if command else len
+    with pytest.raises(tv.InputError, match=r"^tolerances are positive numbers such as 1e-6, not"):
+        tv.race({"mine": solver}, tolerances=tolerances, against=())
+
+
+def test_tolerances_may_be_numbers_of_any_kind() -> None:
+    kinds = (1e-6, "1e-6", ["1e-4", 1e-6], np.array([1e-4, 1e-6]), (np.float32(0.5), 1))
+    assert [method_of("mine", len, one).settings for one in kinds] == [
+        (1e-6,),
+        (1e-6,),
+        (1e-4, 1e-6),
+        (1e-4, 1e-6),
+        (0.5, 1.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"solvers": {"x": 3}}, "solvers are functions or commands by name, .*not {'x': 3}"),
+        ({"solvers": {3: len}}, "solvers are functions or commands by name"),
+        ({"problems": 3}, "problem '3' is not known: use cycle"),
+        ({"problems": [["cycle"]]}, "is not known: use cycle"),
+        ({"against": 3}, "method '3' is not known: use bare heyoka"),
+        ({"against": [["taylor"]]}, "is not known: use bare heyoka"),
+        ({"answers": 3}, "answers are files, not 3"),
+    ],
+)
+def test_what_cannot_race_is_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(tv.InputError, match=said) as refused:
+        tv.race(**{"solvers": {}, "against": (), "problems": (), **wrong})
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_program_without_an_answer_ends_the_command_with_status_1(tmp_path: Path) -> None:
+    script, command = tmp_path / "mine.py", f"{sys.executable} {tmp_path / 'mine.py'}"
+    script.write_text("import sys\nsys.exit('there is no file of coefficients')\n")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("tippedisk_verify.bench.methods.METHODS", ())
+        done = ran(["bench", "--only", "transient", "--quiet", "--program", command])
+        assert (done.status, done.out) == (1, "")
+        (line,) = done.err.splitlines()
+        assert line.endswith("before it answered transient: there is no file of coefficients")
+        assert line.startswith(f"no run of {command[:40]}")
+        answers = tmp_path / "elsewhere.csv"
+        answers.write_text(f"{ERRORS}transient,1,1,1\n")
+        assert ran(["bench", "--only", "transient", "--answers", str(answers)]).status == 0
+
+
+def test_the_page_has_the_problems_and_all_keys_of_a_question() -> None:
+    asked = question(TRANSIENT, 1e-6)
+    keys = re.findall(r"^\| `(\w+)` \|", PAGE, re.MULTILINE)
+    assert keys == list(asked)
+    (names,) = re.findall(r"^\| `problem` \| (.*) \|$", PAGE, re.MULTILINE)
+    assert re.findall(r"`(.*?)`", names) == [problem.name for problem in PROBLEMS]
+    (constants,) = re.findall(r"^(The `parameters` are .*?)\n\n", PAGE, re.DOTALL | re.MULTILINE)
+    _, *described = re.findall(r"`(\w+)`", constants)
+    assert sorted(described) == sorted(asked["parameters"])
+    assert f"--only {TRANSIENT.name} --program ./mine" in PAGE
+
+
 def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:
     for text, said in (
         ("pass", "ended with status 0 before it answered"),
+        ("import sys; sys.exit('no licence')", "status 1 before it answered transient: no licence"),
+        (
+            "import os, sys, time; os.close(1); time.sleep(0.1); sys.exit('shut')",
+            "status 1 before it answered transient: shut",
+        ),
         ("input(); print('states')", "its line of JSON has no states"),
         ("""input(); print('{"states": [[1, 2, 3]]}')""", "are an array (20, 3), not (1, 3)"),
     ):

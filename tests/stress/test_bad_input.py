@@ -536,6 +536,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
         [lambda x: tv.grade(x)],
     ),
     ((*TEXTS, "g", "A", "aa", _TEXT, *OBJECTS), [lambda x: tv.scene_named(x)]),
+    ((*TEXTS, "Cycle", _TEXT, *OBJECTS), [lambda x: tv.problem_named(x)]),
     ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
 ]
 

@@ -5,9 +5,10 @@ elsewhere.
 from __future__ import annotations
 
 import csv
-import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
 from typing import Any
 
 import numpy
@@ -16,7 +17,7 @@ from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem, problem_named, truth_of
 from tippedisk_verify.bench.race import Score
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction, shown
+from tippedisk_verify.model.exact import entries, fraction, shown
 
 __all__ = ["OWN", "TOLERANCES", "Solver", "method_of", "question", "scores_of", "states_of"]
 
@@ -45,6 +46,9 @@ def method_of(
             ``problem.times``.
         tolerances: Relative tolerances, loosest first.
         clock: The time [s] of the last call by the solver's own clock, or None for the wall clock.
+
+    Raises:
+        InputError: If a tolerance is not a positive number, or there is none.
     """
 
     def states(problem: Problem, tolerance: float) -> Any:
@@ -56,7 +60,17 @@ def method_of(
 
         return Prepared(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
 
-    return Method(name, OWN, tuple(numpy.ravel(tolerances).tolist()), prepare, patience=_PATIENCE)
+    return Method(name, OWN, _settings(tolerances), prepare, patience=_PATIENCE)
+
+
+def _settings(tolerances: object) -> tuple[float, ...]:
+    try:
+        settings = tuple(float(fraction(entry)) for entry in entries(tolerances))
+    except (InputError, OverflowError):
+        settings = ()
+    if not settings or min(settings) <= 0:
+        raise InputError(f"tolerances are positive numbers such as 1e-6, not {shown(tolerances)}")
+    return settings
 
 
 def states_of(answer: Any, problem: Problem) -> Any:
@@ -96,42 +110,45 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
     }
 
 
-def scores_of(name: str, text: str) -> list[Score]:
+def scores_of(file: Path, text: str) -> list[Score]:
     """Return the scores of runs that were made elsewhere.
 
     Args:
-        name: The name in the legend.
+        file: The file, for messages. Its name without the ending is the name in the legend.
         text: CSV with the columns problem, setting, seconds, and error or beta, gamma, v (the state
             at the end).
 
     Raises:
-        InputError: If a column is missing, a problem is unknown, or an entry is not a number.
+        InputError: If a column is missing, a problem is unknown, or an entry is not a number. The
+            message names the file and the line.
     """
-    rows = list(csv.DictReader(text.splitlines()))
-    columns = set(rows[0]) if rows else set()
-    if not {*_COLUMNS} <= columns or not ("error" in columns or {*_STATE} <= columns):
-        raise InputError(
-            f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}"
-        )
-    return [_score_of(name, row) for row in rows]
+    rows = csv.DictReader(text.splitlines(), restval="")
+    try:
+        columns = set(rows.fieldnames or ())
+        if not {*_COLUMNS} <= columns or not ("error" in columns or {*_STATE} <= columns):
+            raise InputError(
+                f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}"
+            )
+        return [_score_of(file.stem, row) for row in rows]
+    except InputError as fault:
+        raise InputError(f"{file.name}, line {max(rows.line_num, 1)}: {fault}") from None
+    except csv.Error as fault:
+        raise InputError(f"{file.name}: {fault}") from None
 
 
 def _score_of(name: str, row: Mapping[str, str]) -> Score:
     problem = problem_named(row["problem"])
     truth = truth_of(problem, False)
-    try:
-        seconds = float(row["seconds"])
-        if "error" in row:
-            error = float(row["error"])
-        else:
-            state = [fraction(row[component]) for component in _STATE]
-            error = max(
-                abs(float(a - b.value)) for a, b in zip(state, truth.samples[-1], strict=True)
-            )
-        if not (0 < seconds < math.inf and 0 <= error < math.inf):
-            raise InputError("negative or not finite")
-    except (TypeError, ValueError, InputError) as fault:
-        raise InputError(f"the answer {shown(row)} has no time and error: {fault}") from None
+    seconds = _entry(row, "seconds")
+    if "error" in row:
+        error = _entry(row, "error")
+    else:
+        error = max(
+            abs(_entry(row, component, true.value))
+            for component, true in zip(_STATE, truth.samples[-1], strict=True)
+        )
+    if seconds <= 0 or error < 0:
+        raise InputError("the time must be positive, and the error not negative")
     return Score(
         problem=problem.name,
         method=name,
@@ -147,3 +164,12 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
         evaluations=None,
         truth_uncertainty=truth.uncertainty,
     )
+
+
+def _entry(row: Mapping[str, str], column: str, true: Fraction = Fraction(0)) -> float:
+    """Return the number in a column of a row, less the true one."""
+    try:
+        return float(fraction(row[column]) - true)
+    except (InputError, OverflowError):
+        label = {"seconds": "time"}.get(column, column)
+        raise InputError(f"the {label} '{shown(row[column])}' is not a number") from None

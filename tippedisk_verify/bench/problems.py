@@ -18,6 +18,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
 from tippedisk_verify.model.arrays import OnArrays
 from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
@@ -68,6 +69,8 @@ class Problem:
     def source(self, language: Language) -> str:
         """Return the equations of motion as a function ``rhs`` with all constants as numbers, to be
         compiled.
+
+        The constants and the speed are those of this problem: each problem has a text of its own.
 
         Args:
             language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions. It returns a tuple,
@@ -222,7 +225,11 @@ PROBLEMS: tuple[Problem, ...] = (
 
 
 def problem_named(name: str) -> Problem:
-    """Return the problem with a name.
+    """Return the problem of the race with a name.
+
+    Args:
+        name: ``cycle``, ``transient``, ``passage``, ``smooth``, ``epsilon-1e-3`` or
+            ``epsilon-1e-4``.
 
     Raises:
         InputError: If the name is not known.
@@ -231,7 +238,8 @@ def problem_named(name: str) -> Problem:
         if problem.name == name:
             return problem
     raise InputError(
-        f"problem '{name[:40]}' is not known: use {', '.join(problem.name for problem in PROBLEMS)}"
+        f"problem '{shown(name)}' is not known: use "
+        f"{', '.join(problem.name for problem in PROBLEMS)}"
     )
 
 

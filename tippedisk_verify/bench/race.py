@@ -26,6 +26,7 @@ __all__ = ["Score", "machine", "raced", "ratios"]
 _MAX_REPEATS = 5  # at most
 _BRIEF_RUN = 0.03  # s; longer runs are repeated less often
 _LONG_RUN = 0.3  # s; longer runs are not repeated
+_MAX_REASON = 300  # characters of the reason of a failed run
 _ERROR_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
 # The group that each family is compared in.
 _GROUPS = {
@@ -154,7 +155,10 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
                 entry.seconds = [warm]
                 longest = max(longest, warm)
         except (ArithmeticError, ValueError, RuntimeError) as fault:
-            entry.status = f"failed: {str(fault).splitlines()[0][:100] if str(fault) else type(fault).__name__}"
+            reason = (
+                str(fault).splitlines()[0][:_MAX_REASON] if str(fault) else type(fault).__name__
+            )
+            entry.status = f"failed: {reason}"
             entry.prepared, entry.preparation = None, time.perf_counter() - begin
     return entries
 

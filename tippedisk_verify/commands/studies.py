@@ -21,6 +21,7 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.commands.jobs import jobs_option, known_executor, processes, workers_of
 from tippedisk_verify.files import write_csv, write_text
+from tippedisk_verify.model.exact import shown
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.progress import watched
 
@@ -118,6 +119,12 @@ def bench(
         write_csv(folder / "bench.csv", *race_csv(found.scores))
         save(found.plot(), folder, "bench")
     output.show(result, str(found).splitlines())
+    mine = [score for score in found.scores if score.method == program]
+    if mine and all(score.error is None for score in mine):
+        click.echo(
+            f"no run of {shown(program)} reached the end; the first {mine[0].status}", err=True
+        )
+        return 1
     return 0
 
 

@@ -119,6 +119,15 @@ class Program:
             return f"{self.name} went on when its input had ended, and was ended"
         return "" if (how := self._fate()) == "status 0" else f"{self.name} ended with {how}"
 
+    def explained(self, broken: str) -> str:
+        """Return the reason why no more answers came, with the last line of standard error.
+
+        Args:
+            broken: The reason that `ask` returned.
+        """
+        errors = self.errors()
+        return f"{broken}: {errors[-1]}" if errors else broken
+
     def errors(self) -> list[str]:
         """Return the last lines of its standard error."""
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
@@ -150,6 +159,7 @@ class Program:
         deadline = time.monotonic() + min(self._limit, _END_TIMEOUT)
         while not (self._closed and self._fate()) and time.monotonic() < deadline:
             self._listen(take)
+        self._listen(take)  # it may have written a last line of errors since
         return bool(self._fate())
 
     def _close_input(self) -> None:

@@ -89,8 +89,7 @@ class Interview:
         self._counted = {quantity.id for quantity in asked}
         opening, _ = self.exchange([question_row(self._store, first)])
         if not opening:
-            errors = self.program.errors()
-            raise InputError(self.broke_off + (f": {errors[-1]}" if errors else ""))
+            raise InputError(self.program.explained(self.broke_off))
         self.start_up = time.perf_counter() - self.program.begun
         failed = 0
         for _, group in groupby(asked, key=lambda quantity: quantity.id.rsplit("/", 1)[0]):

@@ -18,13 +18,13 @@ from tippedisk_verify.conformance.dialogue import Program, started
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.files import read_text
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import entries, shown
 from tippedisk_verify.model.results import Printable, data_frame
 from tippedisk_verify.progress import progress_of
 
 __all__ = ["Race", "program_method", "race"]
 
-_AGAINST = ("taylor", "with half-widths, digits", "scipy DOP853", "scipy LSODA", "scipy Radau")
+_AGAINST = ("taylor", "scipy DOP853", "scipy LSODA", "scipy Radau")
 _MAX_FILE_BYTES = 2**24  # bytes of a file of answers
 _TIME_LIMIT = 60.0  # s that a program may take for a run
 
@@ -79,8 +79,9 @@ def race(
         solvers: By name, functions of a problem and a relative tolerance that return the states
             (n, 3) at ``problem.times`` [s]: beta, gamma [rad] and v [rad/s]. ``problem.rhs(t, y)``
             evaluates the equations of motion, and ``problem.scalar_rhs`` does so for numba.
-            ``problem.source("c")`` is their text, to be compiled. Instead of a function, the
-            command of a program that answers over pipes is accepted as text (`program_method`).
+            ``problem.source("c")`` is their text for this problem, to be compiled. Instead of a
+            function, the command of a program that answers over pipes is accepted as text
+            (`program_method`).
         problems: Names from `bench --help`, or problems.
         tolerances: The tolerances of the solvers, loosest first. After a run of more than 2 s the
             tighter ones are left out.
@@ -93,20 +94,23 @@ def race(
         The scores, with a method that draws them. The status of a solver that fails is the reason.
 
     Raises:
-        InputError: If a problem or method is unknown, a file of answers cannot be read, or a
-            program cannot be started.
+        InputError: If a solver is neither a function nor a command, a tolerance is not a positive
+            number, a problem or method is unknown, a file of answers cannot be read, or a program
+            cannot be started.
     """
     if not isinstance(solvers, Mapping):
         raise InputError("solvers are a dictionary, such as {'mine': function}")
-    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in _several(problems)]
-    known = {method.name: method for method in METHODS}
-    for one in _several(against):
-        if not isinstance(one, Method) and one not in known:
-            raise InputError(f"method '{shown(one)}' is not known: use {', '.join(known)}")
-    methods = [one if isinstance(one, Method) else known[one] for one in _several(against)]
-    files = [Path(file) for file in _several(answers)]
+    for name, solver in solvers.items():
+        if not isinstance(name, str) or not (isinstance(solver, str) or callable(solver)):
+            raise InputError(
+                "solvers are functions or commands by name, such as {'mine': function}, "
+                f"not {shown({name: solver})}"
+            )
+    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in entries(problems)]
+    methods = [one if isinstance(one, Method) else _known(one) for one in entries(against)]
+    files = [_path(file) for file in entries(answers)]
     elsewhere = [
-        score for file in files for score in scores_of(file.stem, read_text(file, _MAX_FILE_BYTES))
+        score for file in files for score in scores_of(file, read_text(file, _MAX_FILE_BYTES))
     ]
     with ExitStack() as running:
         for name, solver in solvers.items():
@@ -120,8 +124,19 @@ def race(
     return Race((*scores, *elsewhere))
 
 
-def _several(entries: Any) -> Any:
-    return (entries,) if isinstance(entries, str | Path | Problem) else entries
+def _known(name: object) -> Method:
+    for method in METHODS:
+        if method.name == name:
+            return method
+    known = ", ".join(method.name for method in METHODS)
+    raise InputError(f"method '{shown(name)}' is not known: use {known}")
+
+
+def _path(file: Any) -> Path:
+    try:
+        return Path(file)
+    except TypeError:
+        raise InputError(f"answers are files, not {shown(file)}") from None
 
 
 def _comparison(row: Mapping[str, Any]) -> str:
@@ -185,7 +200,7 @@ class _Dialogue:
 
         broken = self._program.ask(json.dumps(question(problem, tolerance)) + "\n", waiting, take)
         if broken:
-            raise ArithmeticError(broken)
+            raise ArithmeticError(self._program.explained(broken))
         try:
             answer = json.loads(lines[0])
             self.seconds = float(answer["seconds"]) if "seconds" in answer else None

@@ -42,8 +42,13 @@ _LOOKS = {
     "CVODE Adams": (SKY, "X", "--"),
     "diffrax Dopri8": (SKY, "h", "-"),
 }
-#: The same for integrators that users bring.
-_OWN_LOOKS = ((BLACK, "X", "-"), (SKY, "p", "-"), (BLACK, ">", "--"), (SKY, "*", "--"))
+#: The same for integrators that users bring. Neighbours differ in colour and mark; the second twelve
+#: are hollow.
+_OWN_LOOKS = tuple(
+    ((BLACK, SKY, RED)[n % 3], ("s", ">", "*", "<")[n % 4], line)
+    for line in ("-", ":")
+    for n in range(12)
+)
 _UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
     "seconds": "s",
     "spread": "1",
@@ -93,13 +98,18 @@ def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
 
 
 def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
-    """Return the style of each method's curve, in the order of the curves from left to right."""
+    """Return the style of each method's curve, in the order of the curves from left to right.
+
+    Users' own methods get their styles in the order of the scores, whatever their times.
+    """
     fastest: dict[str, float] = {}
     for score in scores:
         fastest[score.method] = min(fastest.get(score.method, math.inf), score.seconds or math.inf)
-    own, looks = cycle(_OWN_LOOKS), {}
+    own = (method for method in fastest if method not in _LOOKS)
+    dealt = _LOOKS | dict(zip(own, cycle(_OWN_LOOKS), strict=False))
+    looks = {}
     for method in sorted(fastest, key=fastest.__getitem__):
-        colour, mark, line = _LOOKS.get(method) or next(own)
+        colour, mark, line = dealt[method]
         face = colour if "-" in line else "white"
         looks[method] = {
             "color": colour,
