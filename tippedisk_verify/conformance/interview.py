@@ -125,7 +125,10 @@ class Interview:
         return collected(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
-        """Return the answers as a sheet that `conformance grade` reads, one to a line."""
+        """Return the answers as lines of JSON, as `conformance grade` reads them.
+
+        Each line is an object with the keys id, from and answer.
+        """
         return "".join(
             json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows
         )

@@ -192,7 +192,11 @@ class Defect:
         return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Return times (k,) and the numbers of `at` at the nodes of all steps, in order."""
+        """Return times (k,), errors and margins at the collocation nodes of all steps, in order.
+
+        The times come first, then polynomials, errors, carried roundings and the error of the
+        nodes, each (3, k).
+        """
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (
             numpy.repeat(of, len(self._places), axis=1) for of in self._margins()

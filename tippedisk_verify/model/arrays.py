@@ -110,7 +110,9 @@ class OnArrays:
         self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
-        """Return the function's value at a state (3,) or at states (3, k).
+        """Return the field (3,) or its Jacobian (3, 3) at a state (3,).
+
+        For states (3, k) the shapes are (3, k) and (3, 3, k).
 
         Args:
             t: The time, which is not used.

@@ -6,6 +6,11 @@ what people write in their place, `regression` finds the fewest changes that giv
 `levels` has the quantities of levels 1 to 5 that it is applied to. `relations` predicts wrong
 answers from right ones, and `step_methods` has integrators. This module asks them in turn, level by
 level, and separates mistakes from their consequences.
+
+A *table* has the answers to one quantity under one law. A *change* puts something else in the place
+of a term, and a *program* is the right equations with some changes. A program *gives* a table if it
+has the same answers, up to rounding. Such a table is *explained*: its wrong answers need no other
+cause. The *mended* program is the right one with all changes that have been named so far.
 """
 
 from __future__ import annotations
@@ -152,7 +157,7 @@ class _Sheet:
         self.causes: list[tuple[str, str]] = []  #: of this level
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
-        """Diagnose one level; mistakes that are named at earlier ones are made in the program."""
+        """Diagnose one level, assuming that the program has the mistakes named at earlier levels."""
         tables = [table for table in self.tables if table.level == level]
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
         self.consequences(tables)
@@ -195,7 +200,7 @@ class _Sheet:
         )
 
     def explained(self, tables: Sequence[Table]) -> None:
-        """Take out quantities of a level by changes of the equations, and by relations."""
+        """Explain wrong answers of a level by changes of the equations, then by relations."""
         for some in [tables] if tables and tables[0].level == 1 else [[one] for one in tables]:
             with self.together(some):
                 self.equations(some)
@@ -250,7 +255,7 @@ class _Sheet:
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
     def consequences(self, tables: Sequence[Table]) -> None:
-        """Take out quantities whose answers follow from the changes that are known."""
+        """Mark quantities as explained whose answers follow from the changes named so far."""
         for table in tables if self.changes else ():
             for some in self.candidates(table.friction):
                 self.mark_explained(table, some)
@@ -363,7 +368,9 @@ class _Sheet:
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
-        """Take out quantities that a program gives up to the digits that a method loses."""
+        """Mark quantities as explained that a program gives except for trailing digits that a method
+        loses.
+        """
         lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.left.any()):
             expected = self.expected(table)
@@ -388,7 +395,7 @@ class _Sheet:
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
-        """Take out quantities whose answers are related to right ones, or to those of the mended
+        """Mark quantities as explained whose answers are related to right ones, or to those of the mended
         program. A relation of many quantities comes before one of few.
 
         Args:
@@ -424,7 +431,7 @@ class _Sheet:
                 one.table.left[one.answers] = False
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
-        """A change in words, with its friction law where the other one does not have it."""
+        """Describe a change in words, with its friction law if the other law does not have it."""
         (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
         only = len(self.changes[change]) == 1 and {law} < every
         return change.says + (f", under the {law} law" if only else "")

@@ -137,7 +137,11 @@ def _spectrum(
 
 @np.errstate(all="ignore")
 def normal_form(values: Values) -> dict[str, dict[str, Array]]:
-    """Return the parts of the definitions of level 3, sums over the eigenvectors at the speed."""
+    """Return the values from which each quantity of the Hopf point (level 3) is defined.
+
+    They are sums over the critical eigenvector and its adjoint at the Hopf speed. Besides the right
+    normalisation they have those that people use by mistake.
+    """
     speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
     j = matrix(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
@@ -201,8 +205,10 @@ def radius_of(values: Values) -> Array:
 
 
 def series(values: Values) -> dict[str, dict[str, Any]]:
-    """Return what goes into each order of the slow manifold, and into what the orders so far
-    leave of the invariance equation.
+    """Return the values from which each order of the slow manifold and each residual of the
+    invariance equation is computed, by name.
+
+    They include the wrong sums that people write in place of the right ones.
     """
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]

@@ -5,7 +5,7 @@ An identity such as M a - F = 0, with the answers a to v', is linear in changes 
 the effects of single changes add up, and a set of two or three of them is found as numbers with a
 given sum. Where two changes multiply, the likeliest one is made in the program and the others are
 sought again. The changes found are made in the program, evaluated, and compared with all answers. A
-set of changes is accepted only if the answers are more digits of evidence than the set needs.
+set of changes is accepted only if the wrong answers carry enough digits of evidence for so many.
 """
 
 from __future__ import annotations
@@ -215,8 +215,8 @@ class _Effects:
         return len(set(places)) == len(places) and bool((left <= room).all())
 
     def solved(self) -> Iterator[Set]:
-        """Yield one parameter with another value, the same for all, that is solved for by the
-        secant method.
+        """For each parameter, find by the secant method a single wrong value that would explain the
+        answers, and yield it as a change.
         """
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
@@ -233,9 +233,7 @@ class _Effects:
                 yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
 
     def firsts(self) -> list[Change]:
-        """The changes whose effects point along the residual, those first that leave least of
-        it.
-        """
+        """The changes whose effects are nearly parallel to the residual, the most effective first."""
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         pairs = zip(-along, self.changes, strict=True)

@@ -249,8 +249,10 @@ def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
 
 
 def _rounded(table: Table) -> Iterator[Prediction]:
-    """Yield answers with few digits: whole multiples of a unit, within half of it or the whole one
-    of the right values.
+    """Predict rounded and truncated answers.
+
+    They are multiples of a decimal unit that lie within half a unit (rounded) or one unit
+    (truncated) of the right value.
     """
     x, answer = table.truth, table.answer
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1

@@ -235,8 +235,10 @@ class BallArray:
 
     @quieted
     def square(self) -> BallArray:
-        """Square, by (a + s)^2 - a^2 = s (2 a + s): no wider than the product, and fewer
-        operations.
+        """Return the squares of the balls.
+
+        Let a be a midpoint and |s| at most its radius. Then (a + s)^2 - a^2 = s (2 a + s). So the
+        result is no wider than the product, and takes fewer operations.
         """
         radius = np.abs(self._mid)
         radius += radius

@@ -54,8 +54,8 @@ which keeps its relative accuracy where Omega' is small.
 
 Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
 with respect to gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it
-is negative, beta_max grows: when one cycle has its beta_max, its neighbours of larger gamma_bar_0
-are further out. `scaled` has the same for the state divided by gamma_bar_0.
+is negative, beta_max grows: at the moment when a cycle reaches its beta_max, |beta_bar| is larger
+on its neighbours of larger gamma_bar_0. `scaled` has the same for the state divided by gamma_bar_0.
 
 Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
 `certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
@@ -341,7 +341,7 @@ class Arc:
         return 2 * half
 
     def period_slope(self) -> Jet:
-        """Return dT/d(gamma_bar_0)."""
+        """Return an enclosure of dT/d(gamma_bar_0), with T the cycle's period, for each s."""
         by = self.flight.time_by
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 

@@ -98,7 +98,7 @@ class Steps:
         return None
 
     def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
-        """Return axes of few bits, which keep the log short."""
+        """Choose new axes by `axes_of_balls`, rounded to a few bits, which keeps the log short."""
         return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
 
     def took(self, step: Step, axes: Matrix) -> None:

@@ -2,12 +2,12 @@
 law).
 
 N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. All speeds lie in
-one ball. F is odd, so DF is the same at z and -z, and half of N suffices. Over small cells are
-enclosed:
+one ball. F is odd, so DF is the same at z and -z, and half of N suffices. The following are
+enclosed over small cells:
 
 - A, which holds DF, and B, the derivative of F with respect to the speed.
 - M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
-  mean of n unions. The k-th is over the cells that meet (k / n) N. It holds DF where the ray's
+  mean of n hulls. The k-th is the hull of A over the cells that meet (k / n) N. It holds DF where the ray's
   parameter is between (k - 1) / n and k / n.
 - The products F_i B_j - F_j B_i, near z_f = 0.
 
@@ -77,10 +77,10 @@ They go from one saddle to the next, many in one array: from z_u = u about the f
 about the second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same
 number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
 
-For each step before the last z_s < -s is shown: over all of it, or at its end where F_s > 0 over
-all of it. The last step begins before the section and ends after it, with F_s > 0. So the arrival
-is the first moment at which z_s = -s. On the section time moves with the start by dT = -d(z_s) /
-F_s.
+In each step but the last, z_s < -s is proved throughout: directly over the whole step, or at the
+step's end together with F_s > 0 throughout. The last step begins before the section and ends after
+it, with F_s > 0. So the arrival is the first moment at which z_s = -s. On the section time moves
+with the start by dT = -d(z_s) / F_s.
 
 For each step 0 < beta_bar < 1.5707 is shown, so that gamma grows, and v > 0, or v < 0, or v' < 0
 throughout. So v has at most one zero, where beta_bar is largest. Its derivatives there are those at
@@ -207,7 +207,11 @@ class Passage:
         self.B = [abs_upper(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
-        """Show the inequalities of faces, cones, compound, thin set and K. Raises Unproved."""
+        """Prove parts 7a.1 to 7a.5 with given weights: faces, cones, second compound, thin set and K.
+
+        The weights and the bounds that follow from them are kept for the other methods. Raises
+        Unproved.
+        """
         self.steep, self.compound, self.drift = (
             weights["steep"],
             weights["compound"],
