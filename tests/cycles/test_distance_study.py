@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import answer, printed, rows_of
+from tests.command_line import answer, printed, ran, rows_of
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 
@@ -86,3 +86,7 @@ def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path) -> None:
     assert [row["period"] for row in rows] == [row["period"]["value"] for row in result["rows"]]
     assert "error [s]" not in printed(f"{words} --out {tmp_path / 'near.png'}")
     assert (tmp_path / "near.png").read_bytes().startswith(b"\x89PNG")
+    answers.write_text("omega,period\n30.05,3.0827\n30.06,x\n")
+    refused = ran(f"{words} --answers {answers}".split())
+    assert refused.status == 2
+    assert "answers.csv, line 3: 'x' is not a finite decimal number" in refused.err

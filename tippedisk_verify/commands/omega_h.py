@@ -22,7 +22,7 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_text, write_bytes, write_table
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import exact
+from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.results import with_widths
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
     Show a row for each distance and answer, and write the table or the figure.
     """
-    pairs = None if answers is None else _answers(read_text(Path(answers), _MAX_FILE))
+    pairs = None if answers is None else _answers(Path(answers))
     study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
     result = study.to_dict()
     if out is not None and out.suffix.lower() == ".png":
@@ -165,15 +165,21 @@ def _distances(text: str) -> list[str]:
     return [f"{10 ** (x - math.floor(x)):.2f}e{math.floor(x)}" for x in exponents]
 
 
-def _answers(text: str) -> list[tuple[str, str]]:
-    """Return the pairs (omega, period) in the text of a CSV file with these columns.
+def _answers(file: Path) -> list[tuple[Exact, Exact]]:
+    """Return the pairs (omega, period) of a CSV file with these columns.
 
-    Raises InputError if it lacks one of them.
+    Raises InputError if the file lacks one of them, or has something else than numbers there.
     """
-    rows = list(csv.DictReader(text.splitlines()))
-    if not rows or not {"omega", "period"} <= set(rows[0]):
+    rows = csv.DictReader(read_text(file, _MAX_FILE).splitlines())
+    if not {"omega", "period"} <= set(rows.fieldnames or ()):
         raise InputError("--answers needs a CSV file with the columns omega and period")
-    return [(str(row["omega"]), str(row["period"])) for row in rows]
+    pairs = []
+    for row in rows:
+        try:
+            pairs.append((exact(row["omega"] or ""), exact(row["period"] or "")))
+        except InputError as fault:
+            raise InputError(f"{file.name}, line {rows.line_num}: {fault}") from None
+    return pairs
 
 
 COMMANDS = (heteroclinic,)
