@@ -2,8 +2,8 @@
 
 `as_decimal` is the only reader. It takes every unambiguous text: decimal numbers with the exponents
 of C, Fortran and Mathematica, and every spelling of infinities and NaN. Other texts that programs
-and spreadsheets write have a row in `_REASONS`, and are refused with that row's words. An answer is
-written in ASCII characters; the message names any other character.
+and spreadsheets write have a row in `_REASONS`. They are refused with the description in that row.
+An answer is written in ASCII characters; the message names any other character.
 """
 
 from __future__ import annotations

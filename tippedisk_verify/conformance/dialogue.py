@@ -1,10 +1,8 @@
-"""A conversation in lines over pipes with another program.
+"""A conversation with another program, line by line over pipes.
 
-The program can neither block this one nor outlive it.
-
-One thread does everything. It writes only as much as the pipe takes, and reads whenever there is
-output. The program gets a process group of its own: Ctrl-C on the terminal does not reach it, and
-its children end with it.
+The program can neither block this process nor outlive it. A single thread does everything. It
+writes only as much as the pipe takes, and reads whenever there is output. The program gets a
+process group of its own. Ctrl-C on the terminal does not reach it, and its children end with it.
 """
 
 from __future__ import annotations
@@ -33,7 +31,9 @@ _END_TIMEOUT = 5.0  # s, the longest time for a program to end after its input h
 
 
 class Program:
-    """A running program. `started` starts it, and ensures that it ends.
+    """A running program, which answers questions line by line.
+
+    `started` starts one, and makes sure that it ends.
 
     Args:
         command: The command and its arguments.
@@ -106,7 +106,9 @@ class Program:
         return ""
 
     def finish(self, take: Callable[[str], None]) -> str:
-        """End the program's input, and pass its remaining lines to ``take``.
+        """Close the program's input, pass its remaining lines to ``take``, and wait until it ends.
+
+        The wait is limited; a program that goes on is reported, but not killed here.
 
         Args:
             take: A function that is called with each line.
@@ -129,12 +131,12 @@ class Program:
         return f"{broken}: {errors[-1]}" if errors else broken
 
     def errors(self) -> list[str]:
-        """Return the last lines of its standard error."""
+        """Return the last lines of standard error, after a line that counts the earlier ones."""
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
         return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
 
     def kill(self) -> None:
-        """End the whole group: the program's children may hold the pipes too."""
+        """Kill the program and its children, which may hold the pipes too."""
         with suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
 
@@ -197,7 +199,7 @@ class Program:
         return whole if content else self._last()
 
     def _last(self) -> list[bytes]:
-        """Mark standard output as closed, and return the rest: a last line may lack its end."""
+        """Mark standard output as closed, and return its rest: the last line may lack a newline."""
         self._closed = True
         rest, self._rest = self._rest, b""
         return [rest]

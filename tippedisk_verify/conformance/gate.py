@@ -23,7 +23,7 @@ _COLOURS = {"passes": "#2e7d32", "partly": "#9a6700", "fails": "#b3261e"}
 
 
 def expected_failures(path: Path, store: Store) -> frozenset[str]:
-    """Return the ids that a file lists, one to a line.
+    """Return the ids of the questions that a file lists, one id or pattern to a line.
 
     ``*`` stands for any characters, and a ``#`` after a space begins a comment.
 
@@ -52,7 +52,9 @@ def shortcomings(
     required: Iterable[int] | None,
     expected: frozenset[str],
 ) -> list[str]:
-    """Return the reasons why a sheet does not pass.
+    """Return the reasons why a sheet does not pass, one sentence each; [] if it passes.
+
+    A required level without an answer is a reason too. Optional questions do not count.
 
     Args:
         levels: The tallies of the levels.
@@ -88,7 +90,7 @@ def shortcomings(
 
 @dataclass(frozen=True)
 class GradeChange:
-    """An answer that differs between two sheets in digits."""
+    """A question whose answers in two sheets are compared by their digits."""
 
     id: str
     old: Grade | None
@@ -96,9 +98,10 @@ class GradeChange:
 
     @property
     def kind(self) -> str:
-        """The kind: broken (passed, and now fails), gone, mended, added, lost or gained digits.
+        """The kind of the change: broken, gone, mended, added, lost or gained; "" for no change.
 
-        It is "" for no change.
+        A broken answer passed before and fails now; a mended one is the reverse. Lost and gained
+        answers have at least one digit less or more.
         """
         if self.old is None or self.new is None:
             return "added" if self.old is None else "gone"
@@ -145,7 +148,7 @@ def grade_changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[GradeChang
 
 
 def badge(levels: Sequence[Tally]) -> str:
-    """Return an SVG picture that names the levels up to which all answers agree.
+    """Return a picture, as the text of an SVG file, with the levels up to which all answers agree.
 
     It shows *partial* if questions of these levels were left out.
 

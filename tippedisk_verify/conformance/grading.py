@@ -1,4 +1,4 @@
-"""The grading of answers in digits: the error, the size it is relative to, and the verdict."""
+"""The grading of answers in digits: the error, its scale, and the verdict."""
 
 from __future__ import annotations
 

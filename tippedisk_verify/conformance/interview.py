@@ -116,12 +116,12 @@ class Interview:
                 break
 
     def finish(self) -> None:
-        """Close the program's input, so that it ends, and note an end that is not normal."""
+        """Close the program's input, so that it ends, and keep a remark on an abnormal end."""
         if not self.broke_off:
             self._end = self.program.finish(self._take)
 
     def answers(self) -> Answers:
-        """Return all answers so far to the reference questions, even if the program broke off."""
+        """Return all answers so far to the questions that count, even if the program broke off."""
         return collected(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
@@ -134,7 +134,7 @@ class Interview:
         )
 
     def times(self) -> list[dict[str, Any]]:
-        """Return the seconds by level and kind, in the order of the questions.
+        """Return the program's run times [s] by level and kind, in the order of the questions.
 
         The questions about one state, trajectory or cycle are one entry. Their ids differ only in
         the last part. An entry without an answer other than null does not count.

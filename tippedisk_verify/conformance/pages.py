@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Report", "html_page", "print_report"]
 
-#: The colour of a verdict on an answer or on a level. A verdict without a colour means not graded.
+#: The colours of the verdicts on answers and levels. A verdict without a colour is not listed.
 _SHADES = {
     **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
     **dict.fromkeys(("few-digits", "too few digits"), "few"),
@@ -163,9 +163,9 @@ class Report(Printable):
         return said + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
-        """Return a remark for each reason why answers are not numbers.
+        """Return a remark for each reason why answers are not numbers, with the first such answer.
 
-        It quotes the first such answer.
+        At most five reasons are given, and the number of the others.
         """
         by_reason: dict[str, list[Grade]] = {}
         for grade in self.grades:
@@ -185,9 +185,9 @@ class Report(Printable):
         )
 
     def _tolerance(self) -> list[str]:
-        """Return a remark for each level at which an integrator's tolerance shows.
+        """Return a remark for each level at which the tolerance of an integrator shows.
 
-        Its answers are not wrong, but some are off by more than `TOLERANCES`.
+        At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
         """
         said = []
         for level in self.levels:
@@ -241,14 +241,18 @@ class Report(Printable):
         }
 
     def worst(self) -> list[Grade]:
-        """Return up to twelve failures: by level, and at each level by digits, fewest first."""
+        """Return up to twelve failed answers, by level, then by digits, fewest first."""
         return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_LISTED_FAILURES]
 
 
 def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[str]:
-    """Format a remark about a list of items, naming the first one or all of them.
+    """Return a list with one remark about some items; [] if there are none.
 
-    ``which`` is the number of items or their names. Returns [] without an item.
+    Args:
+        which: The number of the items, or their names.
+        one: The words for one item, with a verb.
+        many: The words for several items, with a verb.
+        text: The end of the remark. {} stands for the first name, {all} for all names.
     """
     number, names = (which, ("",)) if isinstance(which, int) else (len(which), which)
     return (
@@ -297,7 +301,7 @@ def shown_least(tally: Tally) -> str:
 
 
 def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
-    """Split an answer where it leaves the truth.
+    """Return an answer in two parts, divided at the first character that differs from the truth.
 
     Args:
         answer: The answer's text.
@@ -435,7 +439,7 @@ def html_page(report: Report) -> str:
 
 
 def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
-    """Return a level's grades for the page.
+    """Return the grades of a level by name, as the page shows them.
 
     They are its tally, its failures, its other answers, and the number of rows beyond the limit.
     """

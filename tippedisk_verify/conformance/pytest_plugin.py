@@ -25,7 +25,7 @@ __all__ = ["tippedisk_agrees", "tippedisk_reference"]
 
 @pytest.fixture(scope="session")
 def tippedisk_reference() -> Callable[[str], Quantity]:
-    """Return the function (id, reading="decimals") -> reference value.
+    """Return a function that looks up a reference value: (id, reading="decimals") -> value.
 
     The value is a number that has ``.parameters`` and ``.inputs``.
     """
@@ -60,7 +60,7 @@ def tippedisk_agrees() -> Callable[..., Grade]:
 
 
 def _in_one_line(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a function so that an InputError fails the test with one line."""
+    """Return a function that does the same, but fails the test with one line for an InputError."""
 
     def called(id_: str, *given: Any, **options: Any) -> Any:
         __tracebackhide__ = True

@@ -68,7 +68,7 @@ _MAX_STRANGE = 20  # names that are listed
 
 @dataclass
 class Answers:
-    """The answers of a sheet, id -> (reading, text), and the parts that could not be used."""
+    """The answers of a sheet, by id as (reading, text), and the parts that could not be used."""
 
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
@@ -92,10 +92,10 @@ def questions(
     frictions: Sequence[str] = (),
     levels: Sequence[int] = (),
 ) -> list[Quantity]:
-    """Return the questions of the sets, laws and levels named, in order of difficulty.
+    """Return the questions of some sets, laws and levels, in order of difficulty.
 
-    Optional questions follow M of the same state. They have no true values; look these up in the
-    store.
+    Optional questions follow M of the same state. They have no true values here; look these up in
+    the store.
 
     Args:
         store: The questions with their truths.
@@ -141,7 +141,7 @@ def _optional_ones(quantity: Quantity) -> list[Quantity]:
 
 
 def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
-    """Return a question by columns, without those that do not apply.
+    """Return a question as texts by column, without the columns that do not apply.
 
     Args:
         store: The questions with their parameters.
@@ -347,9 +347,10 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
 
 
 def _separator(header: str) -> str:
-    """Return the separator that splits a header into columns with id and answer, in any case.
+    """Return the separator between the columns of a header: a tab, a semicolon or a comma.
 
-    Returns a comma if there is none.
+    It is the first that yields the columns id and answer, in upper or lower case; a comma if none
+    does.
     """
 
     def columns(mark: str) -> set[str]:
@@ -367,9 +368,9 @@ def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers
 
 @lru_cache(maxsize=256)
 def _with_likely(name: str, known: tuple[str, ...]) -> str:
-    """Return a name in quotes, followed by the known name that may be meant.
+    """Return a name in quotes, followed by the known name that may be meant, if there is one.
 
-    That one differs in few letters or in their case.
+    The two names differ in few letters, or only in upper and lower case.
     """
     by_lower = {known_name.lower(): known_name for known_name in known}
     likely = [] if name in known else get_close_matches(name.lower(), by_lower, 1, 0.75)
@@ -378,7 +379,7 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
-    """List the names in a sheet for a message, as many as fit; "none" if there are none."""
+    """Return names in a sheet as text for a message, as many as fit; "none" without a name."""
     return (
         ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
     )
@@ -437,10 +438,10 @@ def collected(
 
 
 def _without_missing(answers: Answers) -> Answers:
-    """Remove entries without an answer, and optional answers that are missing.
+    """Remove missing answers that do not count from ``answers``, and return it.
 
-    A program that writes NaN throughout an entry has not answered it. One that writes NaN here and
-    there is wrong.
+    If all answers of an entry are missing, the program has not answered it, and the entry is listed
+    in ``answers.missing``. If only some are, these stay and are wrong, except for optional ones.
     """
     by_entry: dict[str, list[str]] = {}
     for id_ in answers.given:
@@ -457,9 +458,14 @@ def _without_missing(answers: Answers) -> Answers:
 
 
 def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
-    """Return the first column that differs from the question of that id; None if none does.
+    """Return the name of the first column that differs from the question; None if none does.
 
-    Numbers may be written in another way.
+    A number may be written in another way, such as with a decimal comma.
+
+    Args:
+        columns: The columns of a row in a sheet.
+        store: The questions with their parameters.
+        quantity: The question with the id of that row.
     """
     asked = question_row(store, quantity) if columns else {}
     for name, text in columns.items():

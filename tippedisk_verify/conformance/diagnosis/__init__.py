@@ -1,16 +1,24 @@
 """The mistakes behind wrong answers, several at once if a program has several.
 
-A mistake in an equation changes its terms, and the answers to M a - F = 0 are linear in such
-changes. `terms` evaluates equations that are written as sums of products, `dictionary` has them and
-what people write in their place, `regression` finds the fewest changes that give the answers, and
-`levels` has the quantities of levels 1 to 5 that it is applied to. `relations` predicts wrong
-answers from right ones, and `step_methods` has integrators. This module asks them in turn, level by
-level, and separates mistakes from their consequences.
+A mistake in an equation changes the terms of the equation. The answers to an equation such as
+M a - F = 0 are linear in such changes.
 
-A *table* has the answers to one quantity under one law. A *change* puts something else in the place
-of a term, and a *program* is the right equations with some changes. A program *gives* a table if it
-has the same answers, up to rounding. Such a table is *explained*: its wrong answers need no other
-cause. The *mended* program is the right one with all changes that have been named so far.
+- `terms` evaluates equations that are written as sums of products.
+- `dictionary` has the right equations, and what people write in place of their parts.
+- `regression` finds the fewest changes that give the answers.
+- `levels` has the quantities of levels 1 to 5, to which the regression is applied.
+- `relations` predicts wrong answers from right ones.
+- `step_methods` has fixed-step integrators.
+
+This module applies them in turn, level by level, and separates mistakes from their consequences.
+
+A *table* has the answers to the questions of one kind under one friction law. Its *entries* are
+the states, equilibria or cycles that the questions are about. A *quantity* is what is asked about
+each entry. A *change* puts something else in the place of a term or of a definition. A *program*
+is the right equations with some changes. A program *gives* answers if it computes the same values,
+up to rounding. Wrong answers are *explained* if a cause is named that predicts them. Until then
+they are unexplained. The *mended* program is the right equations with all changes that have been
+named so far.
 """
 
 from __future__ import annotations
@@ -46,48 +54,48 @@ from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["Diagnosis", "diagnosed"]
 
-_BUDGET = 25_000  # changes evaluated for a sheet, some two seconds
-# Errors relative to the answers' size, in the median and at most, below which a method only loses
-# digits, and the least share of answers that it then loses them in.
+_BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
+# An answer loses only its last digits if the relative errors of its quantity are smaller than these
+# in the median and at most. At least the third number is the share of answers that then fail.
 _LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
-_EXACT = 1e-15  # of the size: nothing is lost
-# The factor by which a mended program may be further off than is allowed where it differentiates
-# five times: the right program itself is off by half of what is allowed.
+_EXACT = 1e-15  # relative error up to which no digit is lost
+# The factor on the allowed error of a program on the slow manifold. It differentiates five times,
+# and the right equations alone use up half of the allowed error.
 _SAFETY = 10.0
-_ALIKE = 12  # changes with the same effect on a quantity that are tried on the others
+_ALIKE = 12  # changes with the same effect on one quantity that are tried on the other quantities
 _SAME = 1e-9  # relative difference of values that are equal but for rounding
-_MANY = 3  # quantities that may be called all answers
+_MANY = 3  # the least number of quantities that are called "all answers"
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
-_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds whose answers are all explained, or none
+_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds explained completely, or not at all
 Posed = Sequence[tuple[Table, Problem]]
-#: Changes of the equations, by the friction laws that have them
+#: Changes of the equations, each with the friction laws that have it
 Made = dict[Change, frozenset[str]]
-#: The changes of one law, and all changes that they are taken from
+#: The changes under one friction law, and all changes from which they were taken
 Reading = tuple[list[Change], Made]
 
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The failures at one level, and their causes as far as they are known."""
+    """The failures at one level, with their causes as far as they are known."""
 
     level: int
     sets: tuple[str, ...]
     frictions: tuple[str, ...]
     failed: tuple[Grade, ...]
-    #: Sort and sentence, all of them together; () if none is known
+    #: The causes, which act together, each as its sort and its sentence; () if none is known
     causes: tuple[tuple[str, str], ...]
-    #: How many of the failed ones follow from mistakes that are named at earlier levels
+    #: The number of failed answers that follow from mistakes named at earlier levels
     follows: int
     unexplained: int
-    no_numbers: int  #: how many of the failed ones are no finite number, which no mistake predicts
-    where: str = ""  #: which of the failed ones are unexplained
-    #: Whether an earlier level has mistakes that these answers are not held against
+    no_numbers: int  #: the number of failed answers that are not finite; no mistake predicts them
+    where: str = ""  #: the unexplained answers, by quantity and condition
+    #: True if unexplained answers may follow from mistakes named at earlier levels
     may_follow: bool = False
 
     @property
     def few(self) -> int:
-        """The number of failed answers that have too few digits only."""
+        """The number of failed answers that have too few digits, but are not wrong."""
         return sum(grade.verdict == "few-digits" for grade in self.failed)
 
     @property
@@ -103,7 +111,7 @@ class Diagnosis:
         return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
     def says(self) -> str:
-        """The diagnosis as one line of text."""
+        """Return one line of text: the failures, their causes, and what is unexplained."""
         both = len(self.frictions) > 1 or self.frictions == ("both",)
         laws = "both laws" if both else f"{self.frictions[0]} friction"
         text = (
@@ -144,7 +152,14 @@ class Diagnosis:
 
 
 class _Sheet:
-    """The diagnosis of one sheet: what is certain so far, and which wrong answers it explains."""
+    """The diagnosis of one sheet: the changes found so far, and the tables that they explain.
+
+    Args:
+        tables: The graded answers. Their masks ``left`` of unexplained answers are changed in
+            place.
+        store: The questions with their truths.
+        advance: A function that is called with a label and a number of steps.
+    """
 
     def __init__(
         self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]
@@ -154,10 +169,17 @@ class _Sheet:
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_BUDGET)
         self.changes: Made = {}
-        self.causes: list[tuple[str, str]] = []  #: of this level
+        self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
-        """Diagnose one level, assuming that the program has the mistakes named at earlier levels."""
+        """Return the diagnosis of one level, and keep the changes found for the later levels.
+
+        The program is assumed to have the mistakes that were named at earlier levels.
+
+        Args:
+            level: The level.
+            grades: The grades of the sheet, of all levels.
+        """
         tables = [table for table in self.tables if table.level == level]
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
         self.consequences(tables)
@@ -200,7 +222,14 @@ class _Sheet:
         )
 
     def explained(self, tables: Sequence[Table]) -> None:
-        """Explain wrong answers of a level by changes of the equations, then by relations."""
+        """Look for causes of a level's wrong answers: changes of the equations, then relations.
+
+        The changes and causes found are kept on this object. The answers that they explain are
+        marked.
+
+        Args:
+            tables: The tables of the level.
+        """
         for some in [tables] if tables and tables[0].level == 1 else [[one] for one in tables]:
             with self.together(some):
                 self.equations(some)
@@ -210,11 +239,15 @@ class _Sheet:
 
     @contextmanager
     def together(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
-        """Undo what a step has found where it leaves answers that belong together unexplained.
+        """Undo what the body of a with statement found if it explained only a part.
+
+        Some answers belong together: either all of them are explained, or none. If any of them is
+        still unexplained at the end, the changes, the causes and the marks are restored.
 
         Args:
-            tables: The tables that the step explains.
-            whole: All answers belong together.
+            tables: The tables that the body may explain.
+            whole: True if all their answers belong together; False if only those to the kinds in
+                ``_TOGETHER`` do.
         """
         changes, causes = dict(self.changes), list(self.causes)
         before = [table.left.copy() for table in tables]
@@ -226,14 +259,24 @@ class _Sheet:
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
-        """Return the changes that answers may come with: those of their law, all, none."""
+        """Return the lists of known changes that a program may have under a friction law.
+
+        They are the changes known under this law, all known changes, and none, in this order. Equal
+        lists occur once.
+        """
         some = [_of_law(self.changes, law), list(self.changes), []]
         return [one for n, one in enumerate(some) if one not in some[:n]]
 
     def program(
         self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
     ) -> Values:
-        """Return the equations under a law with some changes; inputs replace definitions."""
+        """Return a program: the right equations under a friction law, with some changes.
+
+        Args:
+            law: The friction law; the linear law unless it is "smooth".
+            some: The changes.
+            inputs: Values by name, each in place of the definition of that name.
+        """
         values = Values(SMOOTH if law == "smooth" else LINEAR, {})
         return with_changes(values.holding(**(inputs or {})), some)
 
@@ -244,24 +287,32 @@ class _Sheet:
         some: Iterable[Change],
         function: Callable[[Values], Results] | None = None,
     ) -> Array:
-        """Return the answers of a program with some changes; NaN where it gives none.
+        """Return the values that a program computes for a table's answers; NaN where it has none.
 
         Args:
-            table: The answers.
-            some: The changes.
-            function: What is computed; by default what is asked.
+            table: The table, with the inputs of its entries.
+            some: The changes that the program has.
+            function: A function from the program's values to the quantities; by default the right
+                formulas.
         """
         values = base_of(self.program(table.friction, some).definitions, table)
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
     def consequences(self, tables: Sequence[Table]) -> None:
-        """Mark quantities as explained whose answers follow from the changes named so far."""
+        """Mark the answers in tables as explained that a program with the known changes gives."""
         for table in tables if self.changes else ():
             for some in self.candidates(table.friction):
                 self.mark_explained(table, some)
 
     def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
-        """Mark as explained the quantities whose answers the changed program gives."""
+        """Mark the answers in a table as explained that the program with some changes gives.
+
+        A quantity is marked if the program gives all of its unexplained answers.
+
+        Args:
+            table: The table.
+            some: The changes that the program has.
+        """
         if not table.left.any() or table.kind not in PREDICTED:
             return
         room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
@@ -274,7 +325,11 @@ class _Sheet:
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
-        """Look for changes behind the quantities of tables, in the order of the equations."""
+        """Search for changes that explain the quantities of some tables, one quantity at a time.
+
+        The order is that of the equations. The changes found are kept on this object. The answers
+        that they give are marked as explained.
+        """
         posed = self.posed(tables) if _left(tables) else []
         for n in range(len(posed)):
             table, problem = posed[n]
@@ -283,12 +338,16 @@ class _Sheet:
             if mine.any() or inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
                 table.left[mine] = not self.adopted(table, problem, posed)
-                if table.kind == "slow-manifold":  # each order from those before it
+                if table.kind == "slow-manifold":  # each order is computed from the lower ones
                     posed = self.posed(tables)
         self.consequences(tables)
 
     def posed(self, tables: Sequence[Table]) -> list[tuple[Table, Problem]]:
-        """Return the quantities of tables that can be searched, with the changes that are known."""
+        """Return the quantities of tables that can be searched, as pairs of a table and a problem.
+
+        A problem uses the known changes of the table's friction law, except at level 1, where it
+        uses none.
+        """
         found = []
         for table in tables:
             if table.kind in PREDICTED:
@@ -298,9 +357,18 @@ class _Sheet:
         return found
 
     def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
-        """Find the changes that give the answers to a quantity, and add them to the known ones.
+        """Find the fewest changes that give the answers to a quantity, and keep them as known.
 
-        Known changes come first. Return True if there are any.
+        Known changes are tried first. Changes found for a derivative are kept as a cause only.
+
+        Args:
+            table: The table with the quantity.
+            problem: The answers to the quantity, and its definition.
+            posed: All tables and problems of the search. The definitions behind quantities that a
+                program gives already stay as they are.
+
+        Returns:
+            True if there are such changes.
         """
         law, derivative = table.friction, problem.name.startswith("dv")
         alone = derivative or table.kind == "slow-manifold"  # orders share their definitions
@@ -331,7 +399,13 @@ class _Sheet:
     def behind_right_answers(
         self, law: str, some: Sequence[Change], posed: Posed
     ) -> frozenset[str]:
-        """Return the definitions behind answers that a program gives."""
+        """Return the names of the definitions behind the quantities that a program gives.
+
+        Args:
+            law: The friction law of the program.
+            some: The changes that the program has.
+            posed: Tables and problems. Those under the other friction law are left out.
+        """
         names = frozenset[str]()
         for table, problem in posed:
             program = self.program(law, some, problem.given)
@@ -341,8 +415,19 @@ class _Sheet:
 
     @np.errstate(all="ignore")
     def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
-        """Return other readings of the changes that are known: in each, one of them is replaced by
-        a change that explains the same answers and has another effect on a quantity.
+        """Return other choices of the known changes that explain the same answers.
+
+        In each choice, one known change is replaced by a change that had the same effect on the
+        quantity for which it was found. The replacement has another effect on the quantity of
+        ``problem``.
+
+        Args:
+            law: The friction law.
+            problem: The quantity whose answers are not yet explained.
+            posed: All tables and problems. A choice gives all answers that the known changes give.
+
+        Returns:
+            The choices, each as the changes under the law and all changes by their laws.
         """
         own = self.candidates(law)[0]
         explained = [pair for pair in posed if self.fits(self.changes, *pair)]
@@ -362,14 +447,22 @@ class _Sheet:
         return found
 
     def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
-        """Return True if the program with some changes gives the answers to a quantity."""
+        """Return True if the program with some changes gives the answers to a quantity.
+
+        Args:
+            changes: The changes by their friction laws. Those of the table's law are used.
+            table: The table with the quantity.
+            problem: The answers to the quantity, and its definition.
+        """
         law = table.friction
         return problem.fits(self.program(law, _of_law(changes, law), problem.given))
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
-        """Mark quantities as explained that a program gives except for trailing digits that a method
-        loses.
+        """Mark quantities as explained that the mended program gives except for their last digits.
+
+        Their relative errors are small, and too many of their answers fail. The number of right
+        digits becomes a cause.
         """
         lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.left.any()):
@@ -390,17 +483,18 @@ class _Sheet:
             self.causes.append(("digits", says))
 
     def expected(self, table: Table) -> Array:
-        """The answers of the mended program, or the truth where it gives none."""
+        """Return the mended program's values for a table's answers; the truth where it has none."""
         predicted = self.predicted(table, self.candidates(table.friction)[0])
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
-        """Mark quantities as explained whose answers are related to right ones, or to those of the mended
-        program. A relation of many quantities comes before one of few.
+        """Mark quantities as explained whose answers have a simple relation to right values.
+
+        Each relation found becomes a cause. A relation of many quantities comes before one of few.
 
         Args:
             tables: The tables of a level.
-            mended: Take the values of the mended program for right.
+            mended: True to take the values of the mended program for the right ones.
         """
         groups: dict[str, list[Relation]] = {}
         some = [table for table in tables if table.left.any()]
@@ -431,24 +525,35 @@ class _Sheet:
                 one.table.left[one.answers] = False
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
-        """Describe a change in words, with its friction law if the other law does not have it."""
+        """Return a change in words, with its friction law if the other law's tables do not have it.
+
+        Args:
+            change: A known change.
+            tables: The tables of the level, from which the friction laws asked are taken.
+        """
         (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
         only = len(self.changes[change]) == 1 and {law} < every
         return change.says + (f", under the {law} law" if only else "")
 
 
 def _of_law(changes: Made, law: str) -> list[Change]:
-    """Select the changes of a friction law, and those that do not depend on it."""
+    """Return those of the changes that a friction law has, and those that both laws share."""
     return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
 def _left(tables: Iterable[Table]) -> int:
-    """Count the wrong answers that nothing explains yet."""
+    """Return the number of wrong answers in tables that are unexplained."""
     return sum(int(table.left.sum()) for table in tables)
 
 
 def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
-    """Say a relation of some quantities, given by friction law and name."""
+    """Return the sentence about a relation with the names of its quantities put in.
+
+    Args:
+        says: The sentence, with {q} in place of the quantity.
+        stems: The quantities of the relation, each as friction law and name.
+        total: All quantities of the level, in the same form.
+    """
     names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
     whole = stems == total and len(stems) >= _MANY
     text = (
@@ -475,9 +580,12 @@ def diagnosed(
     store: Store,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> list[Diagnosis]:
-    """Return a diagnosis for each level that fails, in order.
+    """Return a diagnosis for each level with failed answers, in the order of the levels.
 
-    ``advance`` is called with a label for each step.
+    Args:
+        grades: The grades of a sheet.
+        store: The questions with their truths.
+        advance: A function that is called with a label and a number of steps.
     """
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})

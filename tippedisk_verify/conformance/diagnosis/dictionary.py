@@ -1,10 +1,13 @@
-"""The equations of all levels as definitions, and the dictionary of what people write in place of
-their parts.
+"""The right equations of all levels as definitions, and what people write in place of their parts.
 
-A kind of mistake is one entry: of `IN_PLACE` if another symbol or sum is written for a factor of a
-term, of `REDEFINED` if a symbol or a sum means something else wherever it stands, of `INPUTS` if
-inputs are taken otherwise. `changes` adds what can happen to every term and every factor: a sign, a
-term, a power, a factor lost or too many.
+Each kind of mistake is one entry of a table of replacements:
+
+- `IN_PLACE` if another symbol or sum is written for a factor of a term,
+- `REDEFINED` if a symbol or a sum means something else wherever it stands,
+- `INPUTS` if inputs are understood in another way.
+
+`changes` adds the mistakes that can happen to every term and to every factor: a wrong sign, a
+missing term, a wrong power, a missing factor, and an additional factor.
 """
 
 from __future__ import annotations
@@ -90,7 +93,7 @@ residual = epsilon transport - epsilon h / M - epsilon f_G / M + drag v / M - dr
 LINEAR = written(_EQUATIONS + "lambda_Ty = -mu m g gamma_y / epsilon" + _FORMULAS)
 SMOOTH = LINEAR | written("lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)")
 
-#: What is written for a factor of a term.
+#: The symbols and sums that are written by mistake for a factor of a term.
 IN_PLACE: dict[str, tuple[str, ...]] = {
     "r": ("e", "(r + e)", "(r - e)"),
     "e": ("r", "(r + e)"),
@@ -159,7 +162,7 @@ IN_PLACE: dict[str, tuple[str, ...]] = {
     "sqrt(r + e)": ("sqrt(r)", "sqrt(r - e)"),
     "consistent": ("1", "(1 - consistent)"),
 }
-#: What a symbol means instead, wherever it stands.
+#: The sums that a symbol or a sum means by mistake, wherever it stands.
 REDEFINED: dict[str, tuple[str, ...]] = {
     "Bbar": (
         "B",
@@ -251,10 +254,10 @@ REDEFINED: dict[str, tuple[str, ...]] = {
         "epsilon transport - epsilon h / M - epsilon f_G / M",
     ),
 }
-#: What the normal form at the Hopf point is made of
+#: The parts of the normal form at the Hopf point
 _FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
-#: Changes of the inputs, by their sentence.
+#: Changes of the inputs, by the sentence about them: the new definition of each input.
 INPUTS: dict[str, dict[str, str]] = {
     "the adjoint eigenvector p is not scaled to p q = 1": {
         name: f"given(bare_{name})" for name in _PAIRS
@@ -359,7 +362,7 @@ INPUTS: dict[str, dict[str, str]] = {
     "Table 1's B": {"B": "0.000227"},
 }
 _ANGLES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
-#: Factors that may be too many in a term, with their power.
+#: Additional factors that a term may have by mistake, each with its power.
 _EXTRA = (
     *(
         (name, 1)
@@ -367,15 +370,15 @@ _EXTRA = (
     ),
     *((name, -1) for name in ("epsilon", "M", "Omega")),
 )
-#: Numbers that may be too many in a term, with their rank.
+#: Additional numbers by which a term may be multiplied by mistake, each with its rank.
 _NUMBERS = {
     **dict.fromkeys((0.5, 2.0), 1),
     **dict.fromkeys((1.5, 2 / 3, 1 / 3, 3.0, 4.0, 0.25), 2),
     **dict.fromkeys((0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8), 3),
     **dict.fromkeys((np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi), 3),
 }
-_LATE = ("recursion", "residual")  #: sums of parts that are likelier to be wrong themselves
-#: What may be written before or behind the bracket of a whole sum.
+_LATE = ("recursion", "residual")  #: sums whose parts are likelier to be wrong than the sums
+#: Factors by which a whole sum may be multiplied by mistake.
 _WHOLE = {
     "the wrong sign": Term(-1.0, ()),
     "the factor 2": Term(2.0, ()),
@@ -390,7 +393,7 @@ _SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
 @dataclass(frozen=True)
 class Change:
-    """A mistake: what is put in the place of definitions or of their terms."""
+    """A mistake: what is put in the place of some definitions, or of some of their terms."""
 
     pieces: tuple[Piece, ...]
     says: str
@@ -400,8 +403,10 @@ class Change:
 
     @property
     def order(self) -> tuple[int, bool, bool, int]:
-        """The sort key among changes with the same effect: the likelier first, then a missing
-        term, then the shorter.
+        """The sort key among changes with the same effect: the likelier ones first.
+
+        At the same rank, changes of a whole definition with a name come first, then missing or
+        doubled terms, then changes of a later term.
         """
         return (
             self.rank,
@@ -412,13 +417,18 @@ class Change:
 
     @property
     def places(self) -> list[tuple[str, int | None]]:
-        """The definitions that it changes, and which of their terms."""
+        """The definitions that are changed, each with the index of a term, or None for all."""
         return [(name, index) for name, index, _ in self.pieces]
 
 
 def changes(values: Values, names: Iterable[str]) -> list[Change]:
-    """Return all single changes of some definitions, and of those that they use. No symbol is
-    redefined by its own value.
+    """Return all single changes of some definitions and inputs, each once.
+
+    A change that would define a symbol by itself is left out.
+
+    Args:
+        values: The program that is changed.
+        names: The names of the definitions and inputs that may be changed.
     """
     names = frozenset(names)
     found: dict[tuple[Piece, ...], Change] = {}
@@ -440,7 +450,12 @@ def _of_inputs(says: str, puts: Mapping[str, str]) -> Change:
 
 
 def _of_definition(name: str, values: Values) -> Iterator[Change]:
-    """Yield the changes of one definition: another one, another term, another factor of it all."""
+    """Yield the changes of one definition: of the whole sum, of each term, or by a common factor.
+
+    Args:
+        name: The name of the definition.
+        values: The program that contains it.
+    """
     terms = values.terms(name)
     for text in REDEFINED.get(name, ()):
         yield Change(((name, None, parsed(text)),), f"{name} = {text}, not {shown(terms)}")
@@ -459,11 +474,11 @@ Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and ran
 
 @lru_cache(4096)
 def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
-    """Return what may be written in place of a term.
+    """Return the replacements of a term, each with a sentence and a rank.
 
     Args:
         term: The term.
-        several: True if it is one of several in a sum, so that it may be missing.
+        several: True if the term is one of several in a sum, so that it may be missing.
     """
     return (
         *_other_numbers(term, several),
@@ -482,7 +497,12 @@ def _in_place(old: Term, new: Term, rank: int) -> Replacement:
 
 
 def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
-    """Yield a missing term, another sign, and other numbers before the term."""
+    """Yield the replacements of a term that change its number, or leave out the term.
+
+    Args:
+        term: The term.
+        several: True if the term is one of several in a sum, so that it may be missing or doubled.
+    """
     if several:
         yield (NOTHING,), f"the term {shown((term,))} is missing", 0
         yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
@@ -495,12 +515,12 @@ def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
 
 
 def _other_factors(term: Term) -> Iterator[Replacement]:
-    """Yield another factor in place of each one, another power of it, and none."""
+    """Yield the replacements of a term that replace a factor, change its power, or omit it."""
     for name, power in term.factors:
-        one = 1 if power > 0 else -1  # power that is nearest to none
+        one = 1 if power > 0 else -1  # the power next to 0 with the same sign
         sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
         for other in (*IN_PLACE.get(name, ()), *sums):
-            rank = int(name in _SHARED and other.startswith("("))  # likelier in its definition
+            rank = int(name in _SHARED and other.startswith("("))  # likelier wrong where defined
             yield _in_place(term, term.put(name, other, power), rank)
             if abs(power) > 1:
                 yield _in_place(term, term.put(name, other, one), 1)
@@ -517,7 +537,7 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
 
 
 def _exchanged_powers(term: Term) -> Iterator[Replacement]:
-    """Yield the powers of two factors exchanged."""
+    """Yield the replacements of a term in which two factors have exchanged their powers."""
     for (one, first), (two, second) in combinations(term.factors, 2):
         if first != second and first * second > 0:
             new = term.times(1.0, one, second - first).times(1.0, two, first - second)

@@ -1,4 +1,4 @@
-"""The graded answers as arrays: entries of one kind and law, their inputs, answers and truths."""
+"""The graded answers as tables: the answers of one kind under one friction law, as arrays."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from tippedisk_verify.reference_values.store import Quantity, Store
 __all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
-# The factor by which a prediction must be closer to a wrong answer than the truth is.
+# A prediction must be closer to a wrong answer than the truth is by this factor.
 _CLOSER = 10.0
-#: Quantities that are explained after the others: derivatives of v', and what the orders leave
+#: How the names of quantities begin that are explained last: derivatives of v', and residuals
 LATER = ("dv_rate", "residual")
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
@@ -32,17 +32,19 @@ class Answered:
 
     answer: Array
     truth: Array
-    allowed: Array  #: how far off an answer may be
-    left: Array  #: whether it failed, and nothing explains it yet
+    allowed: Array  #: the largest error that an answer may have
+    left: Array  #: mask of the answers that failed and are unexplained
 
     @np.errstate(all="ignore")
     def fitted(self, predicted: Array, allowed: Array | None = None) -> Array:
-        """Return which answers a prediction gives: as close as is asked, and the wrong ones ten
-        times closer than the truth.
+        """Return the mask of the answers that a prediction gives.
+
+        A prediction gives an answer if the two differ by no more than is allowed. To a wrong,
+        unexplained answer it must also be ten times closer than the truth is.
 
         Args:
             predicted: The prediction of each answer.
-            allowed: How far off it may be, if not as far as the answer.
+            allowed: The error allowed of each prediction; by default that allowed of the answers.
         """
         allowed = self.allowed if allowed is None else allowed
         larger = np.abs(predicted) / np.maximum(np.abs(self.truth), allowed)
@@ -54,34 +56,35 @@ class Answered:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Table(Answered):
-    """Entries of one kind and friction law.
+    """A table: the answers to the questions of one kind under one friction law.
 
-    The arrays behind ``names`` have one element to an answer.
+    ``answer``, ``truth``, ``allowed``, ``left``, ``names``, ``rows`` and ``scale`` have one element
+    to an answer. The arrays in ``given`` have one element to an entry.
     """
 
     kind: str
     level: int
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
-    #: Parameters and inputs by symbol, and words, as arrays over the entries
+    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``
     given: Mapping[str, Any]
-    names: Array  #: what each answer is to, such as ``h_3`` or ``beta@0.5``
-    rows: Array  #: which entry it is to
-    scale: Array  #: the size that digits are counted from
+    names: Array  #: the quantity with its place, such as ``h_3`` or ``beta@0.5``
+    rows: Array  #: the index of the answer's entry in ``entries``
+    scale: Array  #: the size relative to which digits are counted
 
     @cached_property
     def stems(self) -> Array:
-        """The quantities without their places: beta for ``beta@0.5``."""
+        """The quantity of each answer, without the place: beta for ``beta@0.5``."""
         return np.array([placed(name, self.kind)[0] for name in self.names])
 
     @cached_property
     def places(self) -> list[dict[str, str]]:
-        """The times, numbers and orders of the answers."""
+        """The place of each answer by words: a time, the number of a crossing, or an order."""
         return [placed(name, self.kind)[1] for name in self.names]
 
     @cached_property
     def later(self) -> Array:
-        """Which answers are to quantities that are explained after the others."""
+        """The mask of the answers to quantities that are explained after the others."""
         return np.array([name.startswith(LATER) for name in self.names])
 
     @cached_property
@@ -91,7 +94,11 @@ class Table(Answered):
         ]
 
     def picked(self, results: Mapping[str, Any]) -> Array:
-        """Select the answered results, by entry; NaN for a missing one."""
+        """Return the computed value for each answer of this table; NaN where there is none.
+
+        Args:
+            results: The computed values by the names of the quantities, one value to an entry.
+        """
         found = np.full(len(self.names), np.nan)
         for name in np.unique(self.names):
             values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
@@ -99,8 +106,12 @@ class Table(Answered):
         return found
 
     def column(self, name: str) -> Answered:
-        """Return the answers to one quantity, one to an entry; NaN for a missing one, which is
-        not left to explain.
+        """Return the answers to one quantity, one element to an entry.
+
+        Entries without an answer have NaN, and count as explained.
+
+        Args:
+            name: The name of the quantity with its place, such as ``beta@0.5``.
         """
         here, arrays = self.names == name, []
         for array in (self.answer, self.truth, self.allowed, self.left):
@@ -113,7 +124,14 @@ class Table(Answered):
 
 @arithmetic()
 def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
-    """The answers that are numbers, by kind and friction law; one pass over the sheet."""
+    """Return the tables of a sheet, one for each kind and friction law.
+
+    Answers that are not finite numbers, or are larger than 1e300, are left out.
+
+    Args:
+        grades: The grades of the sheet.
+        store: The questions with their inputs.
+    """
     groups: dict[tuple[str, str], list[tuple[Quantity, Grade]]] = {}
     for grade in grades:
         if grade.verdict not in _NO_NUMBER and abs(as_decimal(grade.answer)) < Decimal("1e300"):

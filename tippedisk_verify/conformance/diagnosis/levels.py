@@ -1,5 +1,7 @@
-"""Levels 1 to 5: the definitions of the quantities, what they predict for a table's entries, and
-the identities by which the answers to single quantities are searched.
+"""Levels 1 to 5: the definitions of the quantities, and the values that they give for a table.
+
+A *problem* has the answers to one quantity, and an identity that is linear in the terms of the
+quantity's definition. `regression` searches for changes by such identities.
 """
 
 from __future__ import annotations
@@ -16,7 +18,7 @@ from tippedisk_verify.conformance.diagnosis.terms import Values
 
 __all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
 
-Results = dict[str, Any]  #: by a quantity's name, one value to an entry
+Results = dict[str, Any]  #: values by the name of the quantity, one to an entry
 _ORDERS = range(6)
 _RATES = (
     *("Bbar", "gamma_rate", "w_y", "f_G", "gamma_y", "M"),
@@ -45,15 +47,15 @@ _DEFINITIONS: dict[str, dict[str, str]] = {
         **{f"residual_{n}": "residual" for n in _ORDERS},
     },
 }
-#: Definitions that other ones use, by the answered quantity that takes their place
+#: By quantity: the definition in whose place the answers are put, where other definitions use it
 _ANSWERED = {
     "v_rate": "answered_rate",
     "omega_crit": "hopf_speed",
     "amplitude": "answered_amplitude",
     "frequency": "answered_frequency",
 }
-#: Sums that vanish, linear in the definitions' terms; of other quantities it is the answer less the
-#: definition.
+#: Identities: sums that vanish for right answers, and are linear in the definitions' terms. For
+#: other quantities the identity is the answer minus the definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
     **{
@@ -69,7 +71,13 @@ _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
 def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values:
-    """The definitions with the inputs of a table's entries."""
+    """Return the values of definitions for the inputs of a table's entries.
+
+    Args:
+        definitions: The definitions by name.
+        table: The table. Its words for the equilibrium and the form become numbers.
+        more: Other inputs by name.
+    """
     side = np.where(table.given["equilibrium"] == "noninverted", -1.0, 1.0)
     words = {"side": side, "consistent": (table.given["form"] == "consistent") * 1.0, "pi": np.pi}
     return Values(definitions, {**table.given, **words, **more})
@@ -77,7 +85,12 @@ def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values
 
 # ---- what definitions predict
 def results(kind: str, values: Values) -> Results:
-    """Return the quantities of a kind by their definitions."""
+    """Return the values of all quantities of a kind by name, one value to an entry.
+
+    Args:
+        kind: The kind of the questions, such as "rhs".
+        values: The definitions with the inputs of the entries.
+    """
     parts = _PARTS[kind](values) if kind in _PARTS else {}
     return {
         name: (values.at(**parts[name]) if name in parts else values)[definition]
@@ -86,11 +99,12 @@ def results(kind: str, values: Values) -> Results:
 
 
 def matrix(values: Values, **place: Any) -> Array:
-    """Return the matrices of the linearised equations, one to an entry.
+    """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
 
     Args:
         values: The definitions with the inputs of the entries.
-        place: State and speed, as numbers or as text; by default the entry's equilibrium and speed.
+        place: The state and the speed by symbol, as numbers or as text. By default they are the
+            entry's equilibrium and speed.
     """
     place = {"beta": "1/2 pi", "gamma": "1/2 side pi", "v": "0", **place}
     numbers = {x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
@@ -99,12 +113,21 @@ def matrix(values: Values, **place: Any) -> Array:
 
 
 def _closed_matrix(values: Values) -> Array:
-    """Return the matrices by the closed forms of their entries."""
+    """Return the matrices of the linearised equations, by the closed forms of A_31 to A_33.
+
+    The array has the shape (entries, 3, 3).
+    """
     return _assembled(values["Omega"], [values[name] for name in ("A_31", "A_32", "A_33")], values)
 
 
 def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
-    """Return the matrices of beta' = v, gamma' and v' from their entries that are not constant."""
+    """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
+
+    Args:
+        gamma_slope: The derivative of gamma' by beta.
+        last_row: The derivatives of v' by beta, gamma and v.
+        values: The definitions with the inputs of the entries.
+    """
     found = np.zeros((len(values["r"]), 3, 3))
     found[:, 0, 2], found[:, 1, 0] = 1.0, gamma_slope
     found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = last_row
@@ -118,14 +141,16 @@ def _spectrum(
     up: int = -1,
     first: int = -1,
 ) -> Results:
-    """Return the eigenvalues of matrices, by descending real part, then imaginary part.
+    """Return the real and imaginary parts of three eigenvalues by name, such as ``lambda_1_re``.
+
+    By default they are sorted by descending real part, then by descending imaginary part.
 
     Args:
         matrices: The matrices, one to an entry.
-        solve: What gives the eigenvalues.
-        key: What they are sorted by.
-        up: 1 for ascending keys.
-        first: 1 for ascending imaginary parts of those with the same key.
+        solve: The function that computes the eigenvalues.
+        key: The function of the eigenvalues by which they are sorted.
+        up: 1 for ascending keys, -1 for descending ones.
+        first: 1 to sort those with equal keys by ascending imaginary part, -1 by descending one.
     """
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
     z = solve(np.where(finite, matrices, 0.0)).astype(complex)
@@ -137,10 +162,13 @@ def _spectrum(
 
 @np.errstate(all="ignore")
 def normal_form(values: Values) -> dict[str, dict[str, Array]]:
-    """Return the values from which each quantity of the Hopf point (level 3) is defined.
+    """Return the inputs from which each quantity at the Hopf point is computed, by its name.
 
-    They are sums over the critical eigenvector and its adjoint at the Hopf speed. Besides the right
-    normalisation they have those that people use by mistake.
+    They are sums over the critical eigenvector q and the adjoint eigenvector p at the Hopf speed.
+    They are given for the right normalisation of p, and for those that people use by mistake.
+
+    Args:
+        values: The definitions with the inputs of the entries.
     """
     speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
     j = matrix(values, Omega=speed)
@@ -152,9 +180,9 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
     faster, slower = matrix(values, Omega=1.5 * speed), matrix(values, Omega=0.5 * speed)
-    by_speed = (faster - slower) / speed[:, None, None]  # exact, of squares of the speed
+    by_speed = (faster - slower) / speed[:, None, None]  # exact: linear in the speed's square
     found = {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
-    # The component of the adjoint eigenvector, and what it is multiplied by
+    # The index of a component of the adjoint eigenvector, and the factor that it gets
     parts = {
         "g_gamma": (1, cubic[0]),
         "g_v": (2, cubic[1]),
@@ -171,7 +199,15 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
 
 
 def _cubic(values: Values, speed: Array, q: Array) -> Array:
-    """The third derivatives of gamma' and v' along a direction, from values on a circle."""
+    """Return the third derivatives of gamma' and v' along a direction at the inverted equilibrium.
+
+    They are computed from the values on a circle in the complex plane. The shape is (2, entries).
+
+    Args:
+        values: The definitions with the inputs of the entries.
+        speed: The speed of each entry.
+        q: The direction in (beta, gamma, v), of shape (3, entries).
+    """
     turn = np.exp(2j * np.pi * np.arange(32) / 32)[:, None]
     radius = 0.2 / np.sqrt((np.abs(q) ** 2).sum(axis=0))
     state = {
@@ -187,8 +223,16 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
 
 
 def _slope(f: Array, axis: int, radius: Array) -> Array:
-    """The derivative by beta (axis 0) or gamma (1) of a function that is known on circles
-    about each state.
+    """Return the derivative of a function with respect to beta or gamma, from values on circles.
+
+    Args:
+        f: The values on circles about each state: one axis for beta, one for gamma, one for
+            entries.
+        axis: The axis of the variable: 0 for beta, 1 for gamma.
+        radius: The radius of the circles [rad], one to an entry.
+
+    Returns:
+        The derivative at the same points, as an array of the same shape.
     """
     k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
     return np.asarray(
@@ -198,24 +242,28 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
 
 
 def radius_of(values: Values) -> Array:
-    """The radius of the circles about each state: small near sin(beta) = 0, where the orders
-    diverge.
+    """Return the radius [rad] of the circles about each entry's state.
+
+    It is small near sin(beta) = 0, where the orders diverge.
     """
     return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
 
 
 def series(values: Values) -> dict[str, dict[str, Any]]:
-    """Return the values from which each order of the slow manifold and each residual of the
-    invariance equation is computed, by name.
+    """Return the inputs of the definitions of each order and each residual on the slow manifold.
 
-    They include the wrong sums that people write in place of the right ones.
+    They are given by the quantity's name: the sums over lower orders for an order, and v with its
+    derivatives for a residual. The wrong sums that people write in their place are among them.
+
+    Args:
+        values: The definitions with the inputs of the entries.
     """
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     base = values.holding(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]
-    base["recursion_parts"]  # kept for all orders
+    base["recursion_parts"]  # computed once for all orders
     found = {"residual_0": _partial(values, h, radius)}
     for n in _ORDERS[1:]:
         sums = _sums(h, radius)
@@ -226,8 +274,13 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
 
 
 def _sums(h: list[Array], radius: Array) -> dict[str, Any]:
-    """Return the sums over the orders so far that the next one needs, and what is written in
-    their place.
+    """Return the sums over lower orders from which the next order is computed, by symbol.
+
+    The wrong sums that people write in their place are among them.
+
+    Args:
+        h: The orders so far, each by its values on circles about each state.
+        radius: The radius of the circles [rad], one to an entry.
     """
     slopes, back = [_slope(one, 0, radius) for one in h], list(reversed(h))
     products = [a * b for a, b in zip(back, slopes, strict=True)]
@@ -237,7 +290,7 @@ def _sums(h: list[Array], radius: Array) -> dict[str, Any]:
         "h_dh": sum(products),
         "h_last": h[-1],
         "dh_last": _slope(h[-1], 1, radius),
-        # What is written in their place
+        # The wrong sums that people write in their place
         "h_zero": h[0],
         "dh_zero": _slope(h[0], 1, radius),
         "dh_other": slopes[-1],
@@ -256,8 +309,15 @@ def _centre(x: Any) -> Any:
 
 
 def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
-    """Return v and its derivatives by the series up to an order, by its last term only, and
-    without it.
+    """Return v and its derivatives with respect to beta and gamma by the series so far, by symbol.
+
+    Names with ``_last`` stand for the last term alone, and those with ``_before`` for the other
+    terms.
+
+    Args:
+        values: The definitions with the inputs of the entries.
+        h: The orders so far, each by its values on circles about each state.
+        radius: The radius of the circles [rad], one to an entry.
     """
     found, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
     for name, orders in zip(("v", "slope_beta", "slope_gamma"), (h, *slopes), strict=True):
@@ -267,12 +327,12 @@ def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
     return found
 
 
-#: What definitions take from sums over eigenvectors or orders, by the quantity that they define
+#: Functions that compute further inputs of the definitions by quantity, for some kinds
 _PARTS: dict[str, Callable[[Values], dict[str, dict[str, Any]]]] = {
     "hopf": normal_form,
     "slow-manifold": series,
 }
-#: Functions that give the right answers to questions of a kind, by different formulas
+#: Functions that compute the quantities of a kind from a program's values, by different formulas
 PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
     **{kind: (partial(results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
@@ -280,7 +340,7 @@ PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
         lambda values: _spectrum(matrix(values)),
     ),
 }
-#: Places at which the equations are linearised instead, by the sentence about the eigenvalues
+#: States and speeds at which the equations are linearised by mistake, by the sentence about it
 _PLACES = {
     "noninverted spinning is taken at (3 pi/2, pi/2, 0)": {
         "beta": "pi - 1/2 side pi",
@@ -295,7 +355,7 @@ _PLACES = {
     "the eigenvalues are at Omega = 30.92": {"Omega": "30.92"},
     "the eigenvalues are at the first entry's Omega": {"Omega": "first(Omega)"},
 }
-#: Matrices that multiply the right one from the left, by the sentence about it
+#: Matrices by which the right one is multiplied from the left, by the sentence about the mistake
 _FACTORS = {
     "the matrix has the rows of gamma and v exchanged": np.eye(3)[[0, 2, 1]],
     "the matrix has the rows of beta and gamma exchanged": np.eye(3)[[1, 0, 2]],
@@ -303,7 +363,7 @@ _FACTORS = {
     "d(gamma')/d(beta) has the wrong sign in the matrix": np.diag([1.0, -1.0, 1.0]),
     "the matrix has the wrong sign": -np.eye(3),
 }
-#: Keys that eigenvalues may be sorted by
+#: Keys by which eigenvalues may be sorted
 _SORTED: dict[str, Callable[[Array], Array]] = {
     "real parts": np.real,
     "moduli": np.abs,
@@ -318,17 +378,17 @@ _UNIT = np.eye(3)
 def _variant(
     place: Mapping[str, str] | None = None, factor: Array = _UNIT, **how: Any
 ) -> Callable[[Values], Results]:
-    """Return the function that gives other eigenvalues.
+    """Return a function that computes eigenvalues with a mistake, from a program's values.
 
     Args:
-        place: State and speed that replace the right ones.
-        factor: Matrix that multiplies the right one from the left.
-        how: How its eigenvalues are found and sorted.
+        place: The state and speed at which the equations are linearised instead.
+        factor: A matrix by which the right one is multiplied from the left.
+        how: Options of `_spectrum`, by which the eigenvalues are found and sorted.
     """
     return lambda values: _spectrum(factor @ matrix(values, **(place or {})), **how)
 
 
-#: Functions that give the answers of a kind where something else was computed, by their sentence
+#: Functions that compute the quantities of a kind with a mistake, by the sentence about it
 VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
     "equilibrium": {
         **{says: _variant(place=place) for says, place in _PLACES.items()},
@@ -352,8 +412,14 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 
 # ---- the searches
 def problems(table: Table, base: Values) -> list[Problem]:
-    """Return the quantities of a table that can be searched alone, in the order of the
-    equations; each from the answers that its definition uses.
+    """Return a problem for each quantity of a table that can be searched alone.
+
+    They are in the order of the equations. A problem uses the answers to other quantities where its
+    definition contains these, so that their mistakes do not count again.
+
+    Args:
+        table: The table.
+        base: A program with the inputs of the table's entries.
     """
     given = {
         definition: _or_else(table.column(name).answer, base[definition])
@@ -384,13 +450,19 @@ def problems(table: Table, base: Values) -> list[Problem]:
 
 
 def _or_else(answers: Array, values: Any) -> Array:
-    """Return the answers, with ``values`` in place of missing ones."""
+    """Return the answers, one to an entry, with ``values`` in place of missing ones."""
     return np.where(np.isfinite(answers), answers, values)
 
 
 def _entries(table: Table, omega: Array) -> dict[str, Answered]:
-    """Return the entries of the matrices with the answered eigenvalues, from the coefficients of
-    their polynomial.
+    """Return A_31, A_32 and A_33 of the matrices that have the answered eigenvalues, by name.
+
+    They follow from the coefficients of the characteristic polynomial. They count as wrong where
+    they differ from those of the true eigenvalues by more than is allowed.
+
+    Args:
+        table: The table of the eigenvalues.
+        omega: The speed of each entry.
     """
     cells = [[table.column(f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
     near = sum(re.allowed + im.allowed for re, im in cells)

@@ -1,11 +1,13 @@
-"""Regression: the smallest set of changes of the equations that leaves only rounding of the answers
-to a quantity.
+"""Regression: the smallest set of changes that gives the answers to a quantity, up to rounding.
 
-An identity such as M a - F = 0, with the answers a to v', is linear in changes of most terms. So
-the effects of single changes add up, and a set of two or three of them is found as numbers with a
-given sum. Where two changes multiply, the likeliest one is made in the program and the others are
-sought again. The changes found are made in the program, evaluated, and compared with all answers. A
-set of changes is accepted only if the wrong answers carry enough digits of evidence for so many.
+An identity is a sum that vanishes for right answers, such as M a - F with the answers a to v'. Its
+value for the given answers is the *residual*. The *effect* of a change is by how much the residual
+changes with it. The identity is linear in changes of most terms, so effects add up. A set of two
+or three changes is found as numbers with a given sum.
+
+Where two changes multiply, a likely change is made in the program first, and the others are
+searched again. Each set found is made in the program, and the values are compared with all
+answers. A set is accepted only if the wrong answers have enough digits of evidence for its size.
 """
 
 from __future__ import annotations
@@ -25,40 +27,44 @@ from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Problem", "Search", "likelihood", "with_changes"]
 
-_SAMPLES = 40  # wrong answers on which changes are tried; all others confirm
-_RIGHT_SAMPLES = 8  # right ones beside them
+_SAMPLES = 40  # wrong answers on which changes are tried; all answers must confirm them
+_RIGHT_SAMPLES = 8  # right answers on which changes are tried
 _SAME = 1e-9  # relative difference of sums that are equal but for rounding
 _NOTHING = 1e-2  # of the allowed error; smaller changes do not count
-_DIRECTION = 0.15  # squared cosine to the residual that a change needs to be made first
-_HIGHEST_RANKS = {1: 9, 2: 2, 3: 1}  # of so many changes at once
+_DIRECTION = 0.15  # least squared cosine between the residual and the effect of a first change
+_HIGHEST_RANKS = {1: 9, 2: 2, 3: 1}  # highest rank of a change, by the number of changes in a set
 _FIRSTS = 12  # changes that are made first, where changes multiply
-# Digits that answers must tell to bear out changes: in all, and for each change
+# Digits of evidence that a set of changes needs: once, and for each change
 _ASSUMED = (2.0, 3.0)
 _CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED = 6  # digits of a number that somebody types in
-_SOLVED = 4  # changes that answers must bear out for such a number
+_SOLVED = 4  # changes for which there must be evidence before such a number is proposed
 Set = tuple[Change, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class Problem(Answered):
-    """The answers to one quantity, and the definition that predicts them."""
+    """The answers to one quantity, with its definition and its identity."""
 
     name: str
     definition: str
-    identity: str  #: the sum that vanishes for right answers, in which ``answer`` stands for them
+    identity: str  #: a sum that vanishes for right answers, which it contains as ``answer``
     given: Mapping[str, Any]
 
     @np.errstate(all="ignore")
     def fits(self, values: Values) -> bool:
-        """Return True if the definitions give all answers, and the wrong ones much better than
-        the truth does.
+        """Return True if a program gives all answers to the quantity.
+
+        Wrong answers must be ten times closer to its values than to the truth.
+
+        Args:
+            values: The program with the inputs of these answers.
         """
         return bool(self.fitted(np.real(values[self.definition]) + 0 * self.answer).all())
 
     @cached_property
     def sample(self) -> Array:
-        """The rows on which changes are tried, most of them of wrong answers."""
+        """The indices of the answers on which changes are tried: at most 40 wrong, 8 right."""
         picked = []
         for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
@@ -68,7 +74,11 @@ class Problem(Answered):
     @cached_property
     @np.errstate(all="ignore")
     def most(self) -> int:
-        """The number of changes that the answers bear out; each takes digits, and a row."""
+        """The number of changes for which the wrong answers have enough evidence.
+
+        Evidence is counted in digits of the error, and equal answers count once. The number is
+        never larger than that of the answers in ``sample``.
+        """
         digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.left]
         _, first = np.unique([f"{x:.8e}" for x in self.answer[self.left]], return_index=True)
         evidence = np.clip(np.nan_to_num(digits[first]), 0, 8).sum()
@@ -76,20 +86,33 @@ class Problem(Answered):
 
 
 def likelihood(some: Iterable[Change]) -> list[int]:
-    """Return the sort key of sets of changes, the likeliest first."""
+    """Return the sort key of a set of changes; likelier sets have lower keys.
+
+    Args:
+        some: The changes of the set.
+    """
     return [sum(parts) for parts in zip(*(change.order for change in some), strict=True)]
 
 
 def with_changes(values: Values, some: Iterable[Change]) -> Values:
-    """The values after several changes, one after the other."""
+    """Return a program in which several changes have been made, one after another.
+
+    Args:
+        values: The program to be changed; it stays as it is.
+        some: The changes.
+    """
     for change in some:
         values = values.changed(change.pieces)
     return values
 
 
 class Search:
-    """The search for the fewest changes; what it may evaluate for a sheet is bounded, so that time
-    does not depend on luck.
+    """The search for the fewest changes that give the answers to a quantity.
+
+    The number of changes that it evaluates for a sheet is limited, so that it always ends in time.
+
+    Args:
+        budget: The number of changes that may be evaluated.
     """
 
     def __init__(self, budget: int) -> None:
@@ -99,15 +122,17 @@ class Search:
     def __call__(
         self, problem: Problem, programs: Sequence[tuple[Values, frozenset[str]]], efforts: int
     ) -> list[tuple[int, Set]]:
-        """Return the fewest changes that give all answers: the index of a program, and the changes
-        that it needs; one for each program that needs no more.
+        """Return the smallest sets of changes that give all answers to a quantity.
 
         Args:
-            problem: The answers to one quantity.
-            programs: Definitions that may be changed, with the problem's inputs, and the names of
-                those that right answers come from and that stay; the likeliest first.
-            efforts: 1 looks for single changes, 2 for two, 3 for three, 4 for changes that
-                multiply; the lower ones come first.
+            problem: The answers to the quantity, and its definition.
+            programs: Programs with the problem's inputs, the likeliest first. Each comes with the
+                names of the definitions behind right answers, which are not changed.
+            efforts: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
+                multiply. A higher effort is made only if the lower ones find nothing.
+
+        Returns:
+            Pairs of a program's index and a set, at most one to a program; [] if nothing is found.
         """
         effects = [
             self.effects(problem, program, right)
@@ -130,7 +155,12 @@ class Search:
         return found
 
     def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
-        """Yield sets of changes that may give the answers."""
+        """Yield sets of changes whose effects cancel the residual, and which may give the answers.
+
+        Args:
+            of: The effects of all single changes.
+            effort: 1, 2 or 3 for as many changes, 4 for changes that multiply.
+        """
         if effort in _HIGHEST_RANKS:
             yield from of.sums(effort, _HIGHEST_RANKS[effort])
             yield from of.solved() if effort == 2 else ()
@@ -143,7 +173,13 @@ class Search:
 
 
 class _Effects:
-    """The effects of all single changes on the residual, in units of what is allowed."""
+    """The effects of all single changes on the residual, in units of the allowed error.
+
+    Args:
+        problem: The answers to a quantity, and its identity.
+        program: The program that is changed.
+        right: The names of definitions that are not changed.
+    """
 
     def __init__(self, problem: Problem, program: Values, right: frozenset[str]) -> None:
         self.problem, self.program, self.right = problem, program, right
@@ -155,7 +191,7 @@ class _Effects:
         self.unit = unit = np.abs(self.total(moved) - self.total(values))
         self.residual = self.total(values) / unit
         self.names = values.total(self.identity)[1] - {"answer"} - right
-        # The weights of a sum over the rows that tells effects apart
+        # Random weights: effects are compared by their weighted sums over the sample
         self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
         groups: dict[str, tuple[Array, list[Change]]] = {}
         for change in sorted(changes(values, self.names), key=lambda change: change.order):
@@ -163,31 +199,37 @@ class _Effects:
             if np.isfinite(effect).all() and np.abs(effect).max() > _NOTHING:
                 mark = f"{effect @ self.weights:.8e}"
                 groups.setdefault(mark, (effect, []))[1].append(change)
-        # The likeliest of the changes with the same effect
+        # The likeliest change of each effect, which keeps the others
         self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
 
     def fits(self, some: Set) -> bool:
-        """Return True if the answers bear out so many changes, and come from them."""
+        """Return True if a set of changes gives all answers, with enough evidence for its size."""
         return len(some) <= self.problem.most and self.problem.fits(
             with_changes(self.program, some)
         )
 
     def total(self, values: Values) -> Array:
-        """Return the sum that vanishes for right answers."""
+        """Return the value of the identity for each answer of the sample; 0 for right answers.
+
+        Args:
+            values: The program with the inputs and the answers of the sample.
+        """
         return np.real(values.total(self.identity)[0] + 0 * values.given["answer"])
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
-        """Yield sets of changes whose effects cancel the residual, the likeliest first.
+        """Yield the sets of changes whose effects cancel the residual, the likeliest first.
+
+        Nothing is yielded if too many sets have nearly the right sum.
 
         Args:
-            size: The number of changes.
+            size: The number of changes in a set.
             highest: The highest rank of a change.
         """
         likely = [n for n, change in enumerate(self.changes) if change.rank <= highest]
         if len(likely) < size:
             return
-        # All changes but the last one, and the sum that the last one has to have
+        # All changes of a set but the last, and the weighted sum that the last must have
         marks = self.effects[likely] @ self.weights
         target = -float(self.residual @ self.weights)
         groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
@@ -207,7 +249,13 @@ class _Effects:
         yield from sorted(sets.values(), key=likelihood)
 
     def cancel(self, members: tuple[int, ...]) -> bool:
-        """Return True if changes of different terms leave only rounding of the residual."""
+        """Return True if the effects of changes add up to minus the residual, except for rounding.
+
+        It is False if two of the changes concern the same term.
+
+        Args:
+            members: The indices of the changes.
+        """
         chosen = self.effects[list(members)]
         room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
         places = [place for n in members for place in self.changes[n].places]
@@ -215,8 +263,9 @@ class _Effects:
         return len(set(places)) == len(places) and bool((left <= room).all())
 
     def solved(self) -> Iterator[Set]:
-        """For each parameter, find by the secant method a single wrong value that would explain the
-        answers, and yield it as a change.
+        """Yield, for each parameter, a change to the value that cancels the largest residual.
+
+        The value is found by the secant method, and rounded to six digits.
         """
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
@@ -233,7 +282,7 @@ class _Effects:
                 yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
 
     def firsts(self) -> list[Change]:
-        """The changes whose effects are nearly parallel to the residual, the most effective first."""
+        """Return up to twelve likely changes with effects nearly parallel to the residual."""
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         pairs = zip(-along, self.changes, strict=True)

@@ -1,9 +1,7 @@
-"""Relations of a quantity's answers to right values: a factor, a sign, a power, another place,
-other digits.
+"""Relations of a quantity's answers to right values: a factor, a sign, a power, another place.
 
-A relation predicts answers from right values, or from those of a program in which the mistakes
-found so far are made too. Each quantity is examined separately. A relation holds if it gives every
-wrong answer that it says something about.
+A relation predicts answers from right values, or from the values of the mended program. Each
+quantity is examined separately. A relation holds if it gives every wrong answer that it predicts.
 """
 
 from __future__ import annotations
@@ -24,9 +22,9 @@ __all__ = ["Relation", "related", "where"]
 
 # The least share of a quantity's wrong answers that a relation to another question must give.
 _COVERED = 0.4
-_FEW = 3  # wrong answers that bear out a relation to another question
-_EVIDENCE = 6.0  # digits that a relation explains in all, so that it fits by no accident
-_SURE = 1e-4  # of the allowed distance; closer answers are no further evidence
+_FEW = 3  # the least number of wrong answers that such a relation must give
+_EVIDENCE = 6.0  # digits by which a relation must beat the truth in all, so that it is no accident
+_SURE = 1e-4  # share of the allowed error; answers that are closer are no further evidence
 _MOSTLY = 0.9  # the least share of wrong answers among those that satisfy a condition
 _PI = math.pi
 _Function = Callable[[Array], Array]
@@ -103,7 +101,7 @@ _OF_VALUE: dict[float, dict[str, _Function]] = {
     },
     4.5: {f"has the factor {text}": partial(np.multiply, x) for text, x in _TENS.items()},
 }
-#: Functions of the right value x and of another quantity's, or an input's, y
+#: Functions of the right value x, and of the value y of another quantity or of an input
 _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {
     "has the values of {y}": lambda x, y: y,
     "has the values of {y} with the wrong sign": lambda x, y: -y,
@@ -129,14 +127,14 @@ _OF_TWO: dict[str, Callable[[Array, Array], Array]] = {
     "is 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
-#: Lists that questions stand in, by the pattern of the place in an id
+#: Lists of questions, each with the pattern by which an id contains the place in the list
 _LISTS = {
     "entry": r"/([^/]+)/[^/]+$",
     "sample in time": r"@([^/@]+)$",
     "crossing": r"#(\d+)$",
     "order": r"/(?:h|residual)_(\d+)$",
 }
-#: What stands in the places of such a list instead; "" for nothing
+#: Functions from the places of such a list to the places whose values stand there; "" for none
 _MOVED: dict[str, Callable[[list[str]], list[str]]] = {
     "the next": lambda places: places[1:],
     "the previous": lambda places: ["", *places],
@@ -162,14 +160,19 @@ class Relation(NamedTuple):
     says: str  #: sentence with {q} for the quantity
     table: Table
     stem: str  #: the quantity
-    answers: Array  #: mask of the answers that the relation gives
+    answers: Array  #: mask of the unexplained answers that the relation gives
 
 
-Prediction = tuple[float, str, Array]  #: rank, sentence, and answers; NaN without a counterpart
+Prediction = tuple[float, str, Array]  #: rank, sentence, and answers; NaN for no prediction
 
 
 def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Prediction]:
-    """Yield the answers that each relation predicts."""
+    """Yield the answers that each relation predicts, with the relation's rank and sentence.
+
+    Args:
+        table: The answers.
+        truths: The right values by id.
+    """
     x = table.truth
     for rank, functions in _OF_VALUE.items():
         for text, function in functions.items():
@@ -187,8 +190,9 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
 
 
 def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
-    """Yield exchanged questions: the rank, the sentence, and the ids whose right values stand in
-    the wrong places.
+    """Yield exchanges of questions, each as a rank, a sentence, and a list of ids.
+
+    The list has, for each answer, the id of the question whose right value stands in its place.
     """
     for one, two in _WORDS:
         what = "law" if one == "linear" else f"{two}/{one}"
@@ -205,20 +209,31 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
 
 
 def _put(match: re.Match[str], others: Mapping[str, str]) -> str:
-    """Return the text of a match with another one in the place of its group."""
+    """Return the matched text with the word of group 1 replaced.
+
+    Args:
+        match: The match.
+        others: The new words by the old ones; a word that is missing is removed.
+    """
     start, end = match.span(1)
     return match.string[:start] + others.get(match[1], "") + match.string[end:]
 
 
 def _with_words(table: Table, one: str, two: str) -> list[str]:
-    """Return the ids with two words exchanged, wherever they stand behind the parameter set."""
+    """Return the ids of a table's answers with two words exchanged, except in the parameter set."""
     pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
     return [pattern.sub(lambda match: other[match[0]], id_) for id_ in table.ids]
 
 
 def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]:
-    """Return what an answer may be related to, by name: the right values of the other quantities
-    of its entry, the entry's inputs, and what belongs to an order.
+    """Return the values to which answers may be related, by name, one value to an answer.
+
+    They are the right values of the entry's other quantities, the entry's inputs and parameters,
+    and powers, factorials and sums of the answer's order.
+
+    Args:
+        table: The answers.
+        truths: The right values by id.
     """
     found = {}
     names = list(zip(table.ids, table.stems, table.names, strict=True))
@@ -249,10 +264,10 @@ def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
 
 
 def _rounded(table: Table) -> Iterator[Prediction]:
-    """Predict rounded and truncated answers.
+    """Yield predictions of rounded and truncated answers.
 
-    They are multiples of a decimal unit that lie within half a unit (rounded) or one unit
-    (truncated) of the right value.
+    Such answers are multiples of a decimal unit. They lie within half a unit (rounded) or one unit
+    (truncated) of the right value. Elsewhere the prediction is the right value.
     """
     x, answer = table.truth, table.answer
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
@@ -273,12 +288,14 @@ def _rounded(table: Table) -> Iterator[Prediction]:
 def related(
     table: Table, truths: Mapping[str, float], variants: Mapping[str, Array]
 ) -> list[Relation]:
-    """Return the relations that give the wrong answers to a quantity.
+    """Return the relations that give the wrong answers to any of a table's quantities.
+
+    A relation may be restricted by a condition on the question, which its sentence then names.
 
     Args:
         table: The answers.
-        truths: The right values by id, of this and of other tables.
-        variants: The answers where something else was computed, by its sentence.
+        truths: The right values by id, of all tables.
+        variants: Predicted answers by the sentence about the mistake behind them.
     """
     found = []
     stems, group = np.unique(table.stems, return_inverse=True)
@@ -314,11 +331,13 @@ def related(
 def _conditions(
     table: Table, signed: Mapping[str, Array] | None = None
 ) -> Iterator[tuple[str, Array]]:
-    """Yield no condition, and the conditions on a question that wrong answers satisfy.
+    """Yield conditions on questions, each as words and the mask of the answers that satisfy it.
+
+    The first one has no words, and all answers satisfy it.
 
     Args:
         table: The answers.
-        signed: What may be negative, zero or positive, one value to an entry.
+        signed: Numbers by name, one to an entry, whose signs become conditions.
     """
     yield "", np.ones_like(table.left)
     words = {name: table.given[name] for name in ("equilibrium", "form")}
@@ -334,8 +353,14 @@ def _conditions(
 
 
 def where(table: Table, gamma_y: Array) -> str:
-    """The quantities that are wrong, and the simplest condition on the state that they
-    satisfy and others do not.
+    """Return the names of the quantities with unexplained answers, and a condition if there is one.
+
+    Outside the condition, no answer to these quantities is unexplained. Inside it, most of them
+    are.
+
+    Args:
+        table: The answers.
+        gamma_y: The sliding velocity of each entry.
     """
     stems = np.unique(table.stems[table.left])
     same, given = np.isin(table.stems, stems), table.given

@@ -14,12 +14,12 @@ __all__ = ["recognised_method"]
 
 _STATE = ("beta", "gamma", "v")
 _TRIED = 3  # trajectories that a method is tried on
-_LEAVES = 0.02  # of the errors: what a method may leave, where orders beyond its own enter
+_LEAVES = 0.02  # share of the errors that a method may leave unexplained
 _STEPS = sorted(factor * 10.0**-k for k in range(2, 6) for factor in (1, 1.25, 2, 2.5, 4, 5))  # s
-_NEAREST = 4  # steps about the one that the order of the method suggests
-_REFERENCE_STEP = 2e-3  # s, that an order is extrapolated from; friction damps with some 130/s
-#: By name: the order, the share of the step at which each slope after the first is taken, and the
-#: weights.
+_NEAREST = 4  # steps that are tried, nearest to the step that the order of the method suggests
+_REFERENCE_STEP = 2e-3  # s, from which errors are extrapolated; friction damps at about 130/s
+#: Methods by name: the order, the share of the step at which each slope after the first is
+#: evaluated, and the weights of the slopes.
 _METHODS = {
     "the classical Runge-Kutta method": (4, (0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
     "Heun's method": (2, (1.0,), (0.5, 0.5)),
@@ -29,16 +29,24 @@ _METHODS = {
 }
 
 
-#: What a trajectory starts from, in the order of the constants and the state
+#: The inputs of a trajectory: the constants, the speed, and the initial state
 _INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *_STATE)
-#: Order, shares of the step, and weights of a Runge-Kutta method
+#: A Runge-Kutta method: its order, shares of the step, and weights
 Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
 def _flown(
     rates: Callable[..., Sequence[Array]], state: Array, time: float, step: float, scheme: Scheme
 ) -> Array:
-    """Return the states after a time [s] by a method with a fixed step [s]."""
+    """Return the states after a time, computed by a Runge-Kutta method with a fixed step.
+
+    Args:
+        rates: The function from beta, gamma and v to their time derivatives.
+        state: The initial states, of shape (3, trajectories).
+        time: The time [s].
+        step: The step [s].
+        scheme: The method.
+    """
     _, shares, weights = scheme
     for _ in range(max(1, round(time / step))):
         slopes = [np.array(rates(*state))]
@@ -50,8 +58,13 @@ def _flown(
 
 @np.errstate(all="ignore")
 def recognised_method(table: Table) -> str:
-    """Name the method whose own errors are those of the first samples, and take these out; ""
-    if none has them.
+    """Return a sentence about the integrator whose errors the answers have; "" if there is none.
+
+    The errors of the first sample in time are compared, for up to three trajectories. If a method
+    is found, all answers in the table are marked as explained.
+
+    Args:
+        table: The answers about trajectories.
     """
     times = (float(place["t"]) for place in table.places if "t" in place)
     time = min(times, default=np.nan)

@@ -1,11 +1,10 @@
-"""Equations as sums of products, in the paper's symbols, and their evaluation for any kind of
-number.
+"""Equations as sums of products in the paper's symbols, and their evaluation.
 
-A definition is a line such as ``f_G = -m g rho cos(beta)``: terms between plus and minus signs, in
-each a number and factors with powers; a slash divides by the factor behind it. A factor is a
-symbol, another definition, a sum in parentheses, a function of a sum, or a derivative such as
-``d(M)/d(beta)``. ``given(x)`` is the input x, where a definition has put something else in its
-place.
+A definition is a line such as ``f_G = -m g rho cos(beta)``. It is a sum of terms between plus and
+minus signs. Each term has a number and factors with powers; a slash divides by the next factor. A
+factor is a symbol, another definition, a sum in parentheses, a function of a sum, or a derivative
+such as ``d(M)/d(beta)``. ``given(x)`` is the input x, even where a definition has put something
+else in its place. Inputs may be numbers or arrays, real or complex.
 """
 
 from __future__ import annotations
@@ -52,7 +51,7 @@ class Term(NamedTuple):
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *below])
 
     def by(self, other: Term) -> Term:
-        """Return the product of two terms; factors of power 0 vanish."""
+        """Return the product of this term and another one; factors of power 0 vanish."""
         powers = dict[str, int]()
         for name, power in (*self.factors, *other.factors):
             powers[name] = powers.get(name, 0) + power
@@ -60,11 +59,23 @@ class Term(NamedTuple):
         return Term(self.number * other.number, tuple(kept))
 
     def times(self, number: float, name: str = "", power: int = 1) -> Term:
-        """Return the product with a number and a power of a factor."""
+        """Return the product of this term, a number, and a power of a factor.
+
+        Args:
+            number: The number.
+            name: The factor; "" for none.
+            power: The power of the factor.
+        """
         return self.by(Term(number, ((name, power),)))
 
     def put(self, old: str, new: str, power: int) -> Term:
-        """Return the term with another factor in place of ``power`` powers of an old one."""
+        """Return the term with some powers of one factor replaced by as many of another.
+
+        Args:
+            old: The factor that is replaced.
+            new: The factor in its place.
+            power: The number of powers that are replaced.
+        """
         at = [name for name, _ in self.factors].index(old)
         factors = (*self.factors[:at], (new, power), *self.factors[at:])
         return Term(self.number, factors).times(1.0, old, -power)
@@ -72,9 +83,9 @@ class Term(NamedTuple):
 
 Terms = tuple[Term, ...]
 Definitions = Mapping[str, Terms]
-#: A definition, which of its terms (None for all), and what takes its place
+#: The name of a definition, the index of one of its terms (None for all), and the new terms
 Piece = tuple[str, int | None, Terms]
-NOTHING = Term(0.0, ())  #: in the place of a missing term, so that the numbers of the others stay
+NOTHING = Term(0.0, ())  #: in place of a missing term, so that the indices of the other terms stay
 
 
 _NESTED = r"[^()]*"  #: text with parentheses in it, up to the depth that definitions have
@@ -85,7 +96,7 @@ _WORD = re.compile(rf"(?:[^\s()]|\({_NESTED}\))+")
 
 @cache
 def parsed(text: str) -> Terms:
-    """The terms of a sum that is written out."""
+    """Return the terms of a sum that is written as text."""
     terms, power, term = list[Term](), 1, Term(1.0, ())
     for word in _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip())):
         if word in "+-":
@@ -104,7 +115,7 @@ def parsed(text: str) -> Terms:
 
 @cache
 def shown(terms: Terms) -> str:
-    """The sum as text, in the way that `parsed` reads."""
+    """Return a sum as text, in the notation that `parsed` reads, without ``given``."""
     text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
 
@@ -128,7 +139,7 @@ FUNCTIONS: dict[str, Callable[[Any], Any]] = {
     **{f"to{n}": lambda x, n=n: np.round(x.real, n) for n in range(1, 7)},  # type: ignore[misc]
 }
 _DERIVATIVE = re.compile(r"d\((.*)\)/d\((\w+)\)")
-# Of the imaginary step that differentiates: below it nothing is lost to rounding
+# The imaginary step for derivatives; it is so small that its square is lost in rounding
 _IMAGINARY_STEP = 1e-30
 
 
@@ -138,15 +149,15 @@ class Values:
 
     definitions: Definitions
     given: Mapping[str, Any]
-    #: With the names that go into it
+    #: The values computed so far, each with the names from which it is computed
     known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
     def at(self, **inputs: Any) -> Values:
-        """Return the values with other inputs, or with more of them."""
+        """Return the values of the same definitions for other or additional inputs."""
         return Values(self.definitions, {**self.given, **inputs})
 
     def holding(self, **inputs: Any) -> Values:
-        """Return the values with inputs in the place of definitions."""
+        """Return the values with inputs in place of the definitions of the same names."""
         kept = {name: terms for name, terms in self.definitions.items() if name not in inputs}
         return Values(kept, {**self.given, **inputs})
 
@@ -156,12 +167,12 @@ class Values:
         return self.known[name][0]
 
     def behind(self, name: str) -> frozenset[str]:
-        """The names that go into a definition, itself among them."""
+        """Return the names from which a value is computed: definitions, inputs, and its own."""
         self[name]
         return self.known[name][1]
 
     def terms(self, name: str) -> Terms:
-        """The terms of a definition; none for an input or a function."""
+        """Return the terms of a definition or a sum in parentheses; () for other names."""
         found = self.definitions.get(name, ())
         return parsed(name[1:-1]) if name.startswith("(") and not found else found
 
@@ -194,8 +205,13 @@ class Values:
         return value, names | {name}
 
     def changed(self, pieces: Sequence[Piece]) -> Values:
-        """Return the values after a change of definitions; what does not depend on them is
-        kept.
+        """Return the values after a change of definitions; this object stays as it is.
+
+        Values that do not depend on the changed definitions are not computed again.
+
+        Args:
+            pieces: The parts of the change, each as a name, the index of a term or None, and new
+                terms.
         """
         names, definitions = frozenset(piece[0] for piece in pieces), dict(self.definitions)
         for name, index, terms in pieces:
@@ -208,6 +224,6 @@ class Values:
 
 
 def written(lines: str) -> dict[str, Terms]:
-    """The definitions of a text, one to a line."""
+    """Return the definitions in a text by name, one definition to a line."""
     pairs = (line.split(" = ", 1) for line in lines.strip().splitlines() if line.strip())
     return {name.strip(): parsed(text) for name, text in pairs}
