@@ -284,8 +284,9 @@ class BallArray:
 
     @quieted
     def _turned(self, quarters: int) -> BallArray:
-        """Return sin(x + quarters pi/2) = sin(y + j pi/2), where x = y + n pi/2 and j = n +
-        quarters.
+        """Return sin(x + quarters pi/2) for these balls x; with 1 quarter that is the cosine.
+
+        It is sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
 
         Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
         Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at

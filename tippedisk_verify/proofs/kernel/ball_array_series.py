@@ -1,6 +1,7 @@
 """Power series whose coefficients are arrays of balls.
 
-The symbols u and t and the count of roundings are those of `ball_array`.
+As in `ball_array`, u = 2^-53 bounds the relative error of a rounding and t its absolute error where
+it underflows. Roundings are counted as there.
 """
 
 from __future__ import annotations
@@ -85,7 +86,9 @@ class BallArraySeries(Sequence[BallArray]):
 
     @quieted
     def convolution(self, other: BallArraySeries) -> BallArray | int:
-        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for two series of the same length k (0 for k = 0).
+        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for series a, b of the same length k (0 for k = 0).
+
+        Each term and the result are arrays of balls. The rest of this text proves the radius.
 
         *Midpoint.* It is a sum of k products. Their order is left to numpy, with fused operations
         or without, and a factor common to all terms may be taken out. The last operation's rounding

@@ -14,8 +14,8 @@ python-flint directly may still change the context in the middle of a proof. Ano
 balls wider or narrower, never wrong. A shorter series is noticed: python-flint reads a coefficient
 that was cut off as an exact zero, and `coefficient` refuses it.
 
-Where a ball becomes a point: `midpoint_and_radius` takes both numbers of a ball exactly, as
-rationals.
+Where a ball becomes a point: `midpoint_and_radius` returns a ball's midpoint and radius exactly,
+as rationals.
 """
 
 from __future__ import annotations
@@ -188,8 +188,9 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """Return a float near the largest absolute value in the ball; for an array of balls, an array.
-    It serves choices, not proofs.
+    """Return a float near the largest absolute value in the ball ``x``, for choices only.
+
+    It is no proved bound. For an array of balls the result is an array of floats.
     """
     return x.abs_upper().midpoints if is_ball_array(x) else float(x.abs_upper())
 
@@ -210,7 +211,7 @@ def whole(x: Any) -> Any:
 
 
 def rough(x: Any) -> Any:
-    """Return a jet cut to `jets.ROUGH_DEGREE`, the degree that suffices for derivatives.
+    """Return a jet ``x`` with its degree cut to `jets.ROUGH_DEGREE`, enough for derivatives.
 
     The result still encloses the same functions. Anything else is returned unchanged.
     """

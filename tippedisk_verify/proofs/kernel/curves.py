@@ -24,8 +24,8 @@ return. By the mean value theorem the return is at
 
     tau(s) - beta_bar(tau(s)) / w.
 
-First w is that of E, then that of the times found with it. On the section time moves with the start
-by -d(beta)/v, and gamma' = 0.
+First w is the range of v over E, then that over the times found with it. On the section time moves
+with the start by -d(beta)/v, and gamma' = 0.
 
 An arc of the family of limit cycles
 ------------------------------------
@@ -116,7 +116,11 @@ Matrix = Sequence[Sequence[Any]]
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve of starts on the section and speeds, polynomials in s, with deviations about it."""
+    """A curve of starts on the section beta = pi/2, each with its speed, and a box about the curve.
+
+    gamma_bar, v and Omega are polynomials in the parameter s of [-1, 1]. The box contains the
+    deviations from these three numbers.
+    """
 
     gamma_bar: Jet  #: [rad]
     v: Jet  #: [rad/s]
@@ -148,7 +152,8 @@ class Curve:
     def rise(self, beta_bar: Any, slope: Jet) -> Jet:
         """Return a jet with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time.
 
-        ``slope`` is the derivative of ``beta_bar`` with respect to the curve's parameter.
+        gamma_bar_0 is the start's gamma_bar, the family's amplitude. ``slope`` is the derivative of
+        ``beta_bar`` with respect to the curve's parameter.
         """
         return slope
 
@@ -229,18 +234,18 @@ class CurvePath(Path):
         self.total = curve.total
 
     def _spent(self) -> None:
-        """Return None even for wide boxes: s determines the place of an orbit in them."""
+        """Return None, so the path goes on even with wide boxes: s places an orbit in them."""
 
     def step_of(self, trial: Trial, share: float) -> Step:
-        """Return the step over a share of the time of flight, proved or not."""
+        """Return the step of ``trial`` over a share of the time of flight, proved or not."""
         return trial.tested((self.total * share).mid())
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """For each part of the step in which v may be 0, yield beta_bar and its derivatives at a fixed
-    time.
+    """Yield beta_bar and its derivatives for each part of a step in which v may be 0.
 
-    The derivatives are taken with respect to the curve's three numbers.
+    The derivatives are those at a fixed time, with respect to the curve's three numbers. beta_bar
+    can be largest or least in these parts only.
     """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
@@ -293,7 +298,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
 
 
 def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) -> CurveFlight:
-    """Return the proved properties of the flight, with the return enclosed within the last step."""
+    """Enclose the return to the section within the last step, and return all that is proved."""
     states, length = step.frame, step.length
     tau = (path.total - path.time).mid()
     centre, rows = step.centre(tau), step.rows_at(tau)
@@ -324,7 +329,10 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
 
 @dataclass(frozen=True)
 class Arc:
-    """The result of one test of an arc. If ``included``, there is exactly one cycle for each s."""
+    """The result of Krawczyk's test of an arc of cycles over a curve with the parameter s.
+
+    If ``included``, there is exactly one cycle in the box for each s.
+    """
 
     included: bool
     curve: Curve  #: m(s) and r
@@ -334,7 +342,7 @@ class Arc:
     determinant: Jet  #: of d(equations)/d(unknowns)
 
     def period(self) -> Jet:
-        """Return the period T [s]."""
+        """Return the cycles' period T [s] as a jet, a function of the arc's parameter s."""
         half: Jet = self.flight.own_time
         for k, off in zip(UNKNOWNS, self.within, strict=True):
             half = half + self.flight.time_by[k] * off
@@ -346,7 +354,7 @@ class Arc:
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Return the trace of the half map's derivative with respect to gamma_bar and v."""
+        """Return the trace of the half map's derivative P' by (gamma_bar, v), as a jet in s."""
         return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> bool | None:
@@ -387,9 +395,18 @@ class Arc:
 
 
 def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
-    """Apply Krawczyk's test to a curve of starts and speeds whose first number has no deviation.
+    """Apply Krawczyk's test for cycles to a curve of starts and speeds, for all s at once.
 
-    Raises Unproved if the flight fails.
+    Args:
+        constants: Balls of the disk's constants.
+        curve: The curve and its box; its first number, the parameter, has no deviation.
+        choices: The proposer of the flight's steps.
+
+    Returns:
+        The test's result, which may be that the cycles are not included.
+
+    Raises:
+        Unproved: If the flight fails.
     """
     flight = fly(constants, curve, choices)
     radii = [curve.deviation[k] for k in UNKNOWNS]

@@ -39,9 +39,11 @@ _COSINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 2) for i in range(8, -1
 
 
 def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
-    """Return an integer n, then sin(x - n pi/2) and cos(x - n pi/2), each with an error bound.
+    """Compute sine and cosine of doubles reduced by quarter turns, with proved error bounds.
 
-    For |x| > 2^18 they are NaN.
+    Returns five arrays: the integers n, sin(x - n pi/2) and the bound of its error, cos(x - n pi/2)
+    and the bound of its error. For |x| > 2^18 they are NaN. Below, u = 2^-53, t is the absolute
+    error of an underflow, and A + B + C is nearly pi/2.
 
     *Reduction.* y = ((x - n A) - n B) - n C. Any integer n with |n| < 2^19 is right if |y| <= 0.8,
     which is tested. The three differences, from the last to the first, are then at most 0.8, 0.8 +

@@ -76,11 +76,17 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
 def field(
     ops: Any, constants: Any, omega: Any, law: Any = "linear"
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
-    """Return the rates (beta', gamma', v') [rad/s, rad/s, rad/s^2] as a function of the state.
+    """Return a function from states to rates (beta', gamma', v') [rad/s, rad/s, rad/s^2].
 
-    The state is (beta_bar, gamma_bar, v). ``law`` is 'linear', or 'smooth', which takes an absolute
-    value, or 1 or -1. These two are analytic: each is the smooth law where the sliding velocity has
-    that sign.
+    Args:
+        ops: Provides sin and cos for the numbers of the state.
+        constants: The disk's constants in the same arithmetic.
+        omega: The speed [rad/s].
+        law: 'linear', or 'smooth', which takes an absolute value, or 1 or -1. These two are
+            analytic: each is the smooth law where the sliding velocity has that sign.
+
+    Returns:
+        A function of the state (beta_bar, gamma_bar, v).
     """
     r, e, a, b, g = constants.r, constants.e, constants.a, constants.b, constants.g
     unlike, twice_unlike, three_e, square, drift = (
@@ -125,9 +131,9 @@ def one_sided(side: int) -> Law:
 def sliding_motion(
     ops: Any, constants: Any, omega: Any, state: Sequence[Any], acceleration: Any = None
 ) -> tuple[Any, Any]:
-    """Return gamma_y [m/s] and its rate [m/s^2].
+    """Return the sliding velocity gamma_y [m/s] of a state (beta_bar, gamma_bar, v), and its rate.
 
-    ``acceleration`` is v'. Without it the rate is returned as None.
+    The rate [m/s^2] needs the ``acceleration`` v'. Without it None is returned in its place.
     """
     beta, gamma, v = state
     s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)

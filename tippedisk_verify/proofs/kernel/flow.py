@@ -120,7 +120,10 @@ class Model:
     def path(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
     ) -> Path:
-        """Return the path of all orbits from a box of states."""
+        """Return the path of all orbits from a box of states, before its first step.
+
+        ``proposer`` chooses the steps. With ``derivatives``, the path carries those of the states.
+        """
         return Path(self, start, proposer, derivatives=derivatives)
 
     def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
@@ -167,7 +170,10 @@ class Path:
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
-        """Return the series from here, on which lengths of a step are tried."""
+        """Return the Taylor series of two ``orders`` from here, on which step lengths are tried.
+
+        The first order is that of the midpoint's orbit, the second that of the orbits from the box.
+        """
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
@@ -197,7 +203,7 @@ class Path:
         return FlowStatus.STEP_LIMIT if self.steps >= _MAX_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
-        """Return the set of the states after ``time`` in the step, or at its end."""
+        """Return the set of the states after ``time`` [s] in the step, or at the step's end."""
         stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(

@@ -73,8 +73,10 @@ class Frame:
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
-        """Return the states' image under a map, given the middle's image and the derivatives (3,
-        4).
+        """Return a box of the states' images under a map.
+
+        ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4) with
+        respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
         parts = zip(
@@ -83,14 +85,21 @@ class Frame:
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
-        """Return the image, under a map, of the states on the middle's own orbits."""
+        """Return a box of the images, under a map, of the states on the middle's own orbits.
+
+        ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4).
+        """
         assert self.own is not None
         return [
             a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)
         ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives of the images under a map with respect to the states' deviations."""
+        """Return the derivatives (3, 4) of the images under a map, with respect to the deviations.
+
+        The deviations are those of the start and of Omega. ``rows`` are the map's derivatives
+        (3, 4) with respect to state and Omega.
+        """
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
@@ -134,8 +143,9 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Return two matrices of balls: the image of the lead, plus the map's own derivatives with
-        respect to the equations' numbers, and the image of the axes.
+        """Return the images of lead and axes, two matrices of balls, under derivatives ``rows``.
+
+        The first one includes the map's own derivatives with respect to the equations' numbers.
         """
         lead = _product(rows, self.lead)
         for entries, row in zip(lead, rows, strict=True):

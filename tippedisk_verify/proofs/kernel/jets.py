@@ -47,7 +47,10 @@ def symmetric(x: Any) -> Any:
 
 
 class Jet:
-    """The coefficients of 1, s, …, s^D. Factors have the same degree, or are balls or integers."""
+    """A function of s in [-1, 1], enclosed by the coefficients (balls) of 1, s, …, s^D.
+
+    Factors of a product have the same degree, or are balls or integers.
+    """
 
     __slots__ = ("c",)
 
@@ -61,7 +64,7 @@ class Jet:
 
     @property
     def degree(self) -> int:
-        """D."""
+        """The degree D of the polynomial in s."""
         return len(self.c) - 1
 
     def __add__(self, other: Any) -> Jet:
@@ -117,15 +120,17 @@ class Jet:
         return Jet.constant(other + 0 * self.c[0], self.degree) / self
 
     def sin(self) -> Jet:
-        """Return the sine; see `_turned`."""
+        """Return the sine of the function as a jet; see `_turned`."""
         return self._turned(0)
 
     def cos(self) -> Jet:
-        """Return the cosine."""
+        """Return the cosine of the function as a jet; see `_turned`."""
         return self._turned(1)
 
     def _turned(self, quarters: int) -> Jet:
-        """Return sin(f + quarters pi/2) by Taylor's formula about c_0, with u = f - c_0.
+        """Return sin(f + quarters pi/2), f being this jet, by Taylor's formula about c_0.
+
+        Let u = f - c_0, where c_i is coefficient i.
 
         The remainder is the derivative of order D + 1 between c_0 and f(s), times u^(D+1) / (D+1)!.
         Let w be the sum of the |c_i|, i >= 1. Since |u| <= |s| w, the remainder is s^D times a
@@ -181,11 +186,11 @@ class Jet:
         return result
 
     def alike(self, value: Any) -> Jet:
-        """Return the jet of this degree with the same number for each s."""
+        """Return the constant function ``value`` as a jet of this jet's degree."""
         return Jet.constant(ball(value), self.degree)
 
     def rough(self) -> Jet:
-        """Apply `cut` with the degree of derivatives."""
+        """Return the jet cut to `ROUGH_DEGREE`, the degree that suffices for derivatives."""
         return self.cut(ROUGH_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:
@@ -231,7 +236,10 @@ def _polynomial(jet: Jet) -> Any:
 
 
 def _multiplied(product: Any, degree: int) -> Jet:
-    """Turn a polynomial of twice the degree into a jet."""
+    """Turn ``product``, a polynomial in s of up to twice the ``degree``, into a jet of that degree.
+
+    The sizes of the coefficients beyond the degree are added to its last one, on both sides.
+    """
     return Jet([product[k] for k in range(2 * degree + 1)]).cut(degree)
 
 

@@ -58,7 +58,10 @@ class Choices:
 
 @dataclass(frozen=True)
 class FixedPoints:
-    """The result of Krawczyk's operator. If ``included``, the fixed points are proved."""
+    """The result of Krawczyk's test for fixed points of a section's map over a box.
+
+    If ``included``, the box contains exactly one fixed point for each value of the third number.
+    """
 
     included: bool
     middle: Pair  #: m, three points
@@ -74,8 +77,10 @@ class FixedPoints:
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:
-        """Return an enclosure of a function at the fixed points, given its ``value`` at the middle
-        and its derivatives ``by`` the three numbers over the box.
+        """Enclose a function at the fixed points by the mean value theorem.
+
+        ``value`` is the function at the middle of the box. ``by`` are its derivatives with respect
+        to the three numbers, enclosed over the box.
         """
         return value + by[0] * self.shift[0] + by[1] * self.shift[1] + by[2] * self.shift[2]
 
@@ -135,7 +140,16 @@ def fixed_points(
     centre: Return,
     box: Return,
 ) -> FixedPoints:
-    """Apply the operator to the map at the middle and over the box; ``inverse`` is Y."""
+    """Apply Krawczyk's operator to a map that has been enclosed already, and return the result.
+
+    Args:
+        middle: Three points: the two coordinates on the section, and Omega.
+        deviations: Three balls about zero; the box is ``middle`` plus these.
+        unknown: The indices of the two unknown numbers.
+        inverse: The matrix Y, any regular one; best near the inverse of F'.
+        centre: The map at the middle.
+        box: The map over the box, with derivatives.
+    """
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
     slopes = _slopes(box)
     (other,) = {0, 1, 2}.difference(unknown)
@@ -168,7 +182,7 @@ def product(matrix: Sequence[Pair], vector: Pair) -> list[Any]:
 
 
 def _tested(value: Any) -> tuple[float, tuple[int, int]]:
-    """Read a step's length [s] and its two orders."""
+    """Return a step's length [s] and its two orders, read from a certificate."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError("a length and two orders are needed")
     point = dyadic(value[0])

@@ -133,7 +133,9 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 
 
 def parsed(value: Any, shape: Any, path: str) -> Any:
-    """Read a value of the given shape. Raises Refused, with the path, if its shape differs.
+    """Return a JSON value with its leaves read, if it has the given shape.
+
+    Raises Refused, with ``path`` and the fault's place below it, if its shape differs.
 
     A shape is a dictionary of members (those with '?' are optional), a list [shape, length or
     None], or a function that reads a leaf.

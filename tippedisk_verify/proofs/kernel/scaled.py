@@ -58,7 +58,10 @@ __all__ = ["ScaledCurve", "ScaledModel"]
 
 
 class _Part:
-    """The number a x if ``odd``, else x, where a^2 is ``square``."""
+    """A number of the scaled equations: a x if ``odd``, else x, with the amplitude a.
+
+    ``square`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
+    """
 
     __slots__ = ("odd", "square", "x")
 

@@ -201,7 +201,10 @@ class PoincareMap:
         return Round(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
-        """Return True if the disk is shown to stay upright, and the case that is shown, or None."""
+        """Return whether the disk is shown to stay upright in the step, and the case that is shown.
+
+        The case is None if none is shown.
+        """
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
@@ -225,7 +228,10 @@ class PoincareMap:
         return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
     def _turn(self, step: Step) -> bool:
-        """Enclose the turn in the step; return False if its moment cannot be enclosed."""
+        """Enclose the moment in the step at which v is 0, and store beta_bar there.
+
+        Returns False if the moment cannot be enclosed.
+        """
         model = self.path.model
         moment = enclosed_moment(
             step,

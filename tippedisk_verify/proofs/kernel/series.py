@@ -333,7 +333,10 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
 
 
 def _sine(node: Node) -> Callable[[int], None]:
-    """Return the rule that appends to a sine and its cosine: S' = C x', C' = -q S x'."""
+    """Return the rule that appends coefficient k to a sine S and to its cosine C.
+
+    Along an orbit S' = C x' and C' = -q S x', where x is the angle and q = 1 unless S is scaled.
+    """
     x, square, cosine = node.left, node.right, node.partner
     slopes: Any = []
     assert cosine is not None
@@ -359,8 +362,9 @@ def _sine(node: Node) -> Callable[[int], None]:
 
 
 def _slope(node: Node) -> Callable[[int], None]:
-    """Return the rule of a scaled sine's derivative with respect to q: D' = -(x S) x' / 2, where
-    ``left`` is x S.
+    """Return the rule that appends coefficient k to D = dS/dq, S = sin(a x) / a, q = a^2.
+
+    Along an orbit D' = -(x S) x' / 2, and the operand ``left`` of the node is x S.
     """
     product, x, square = node.left, node.partner, node.right
     slopes: Any = []

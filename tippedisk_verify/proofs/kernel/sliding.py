@@ -235,11 +235,12 @@ class SlidingPath(Path):
         return None if crossing is None else self._crossing(step, *crossing)
 
     def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
-        """Return (True, None) for a kept step.
+        """Divide the step into pieces and test if the sliding velocity gamma_y keeps its sign s.
 
-        For a crossed one, return False and two balls: the times of the crossing's pieces, and the
-        rate of s gamma_y on them. On these pieces s gamma_y falls to an end that is not known to be
-        positive. If neither case is shown, return (False, None).
+        Returns (True, None) if it is shown to. If all orbits may cross gamma_y = 0, returns False
+        and two balls: the times of the crossing's pieces, and the rate of s gamma_y on them. On
+        these pieces s gamma_y falls to an end that is not known to be positive. If neither case is
+        shown, returns (False, None).
         """
         start, throughout = (
             self.model.velocity(self.box, _ORDER),

@@ -110,7 +110,7 @@ class Step:
         return self.frame.image(self.centre(time, components), self.rows_at(time, components))
 
     def component(self, index: int, time: Any) -> Any:
-        """Return one component of `at`."""
+        """Return a ball of one component of the state after ``time`` [s], for every orbit."""
         return self.at(time, slice(index, index + 1))[0]
 
     def at_end(self) -> tuple[Any, ...]:
@@ -176,8 +176,11 @@ class Trial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """Return the padded box E, the remainders' coefficients over it, and whether the step is
-        proved.
+        """Test whether all orbits from the set exist and stay in a padded box E for this length.
+
+        Returns four things. The first is E. The next two are the next Taylor coefficients over E,
+        which give the remainders: of the states to the full order, and of the states with their
+        derivatives to the rough order. The last tells whether the step is proved.
         """
         bound, (order, rough_order) = self.path.model.bound, self.orders
         time = alike(whole(self.wide[0][0]), whole(length))

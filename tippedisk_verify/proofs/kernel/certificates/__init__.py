@@ -1,6 +1,6 @@
 """Certificates: their kinds, and the check that the evidence in a file proves its claim.
 
-This package searches for nothing.
+The check replays recorded choices. It never searches for any.
 """
 
 from __future__ import annotations
@@ -43,16 +43,20 @@ KINDS: dict[str, Any] = {
 
 
 def check(path: str, mapped: family.Mapped = map) -> str:
-    """Verify the certificate in a file and return its claim as a sentence (see `proved`)."""
+    """Verify the certificate in the file at ``path`` and return its claim as a sentence.
+
+    Raises Refused if the file is not a certificate, and Unproved if its evidence does not prove
+    the claim. ``mapped`` verifies the arcs of a family, as in `proved`.
+    """
     return proved(content_of(path), mapped)
 
 
 def proved(content: Any, mapped: family.Mapped = map) -> str:
-    """Verify the content of a certificate and return its claim as a sentence. Raises Unproved or
-    Refused.
+    """Verify the content of a certificate and return its claim as a sentence.
 
-    ``mapped`` may be the map of a pool of processes: a family's arcs take most of the time, and
-    each is verified separately.
+    Raises Refused if the content is not a certificate, and Unproved if its evidence does not prove
+    the claim. ``mapped`` may be the map of a pool of processes: a family's arcs take most of the
+    time, and each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
         raise Refused(f"it is not an object with the format '{FORMAT}' and a claim")
@@ -86,7 +90,7 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
-    """Return the claim in one or more sentences."""
+    """Return the claim in one or more sentences, which also name the disk and the friction law."""
     disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
     numbers = {
         name: f"{number['value']} ± {number['uncertainty']}"

@@ -4,21 +4,24 @@ copy.
 Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction
 laws are allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch
 of the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some
-steps later it is at p(Omega), near the second one. Let I be the interval of speeds.
+steps later it is at p(Omega), near the second saddle. Let I be the interval of speeds. P is the
+matrix whose columns e_u, e_s, e_f span the coordinates z = (z_u, z_s, z_f) of `saddle`. w_u is z_u
+measured from the curve of the slow stable manifold.
 
 1. *Start.* A cone at the first saddle encloses p_0 on all of I. Cones with the speed as a fourth
    coordinate enclose the difference of two of its points:
 
        p_0(Omega') - p_0(Omega) = (P e_s [-k_s, k_s] + P e_f [-k_f, k_f]) (Omega' - Omega).
 
-2. *Flight.* By the derivatives of the flow p(Omega') - p(Omega) = P G (Omega' - Omega) with an
+2. *Flight.* The derivatives of the flow give p(Omega') - p(Omega) = P G (Omega' - Omega) with an
    enclosed vector G. The set of states also gives p at both ends of I separately.
 3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of
-   I w_u < -delta, at the other w_u > delta.
-4. *Uniqueness.* G lies in the unstable cone of a box about the saddle on which the cones hold.
-5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, holds N. It also
-   holds the branch from its first arrival at gamma_bar = pi - c until the flight's end, while gamma
-   grows.
+   I w_u < -delta, at the other end w_u > delta.
+4. *Uniqueness.* G lies in the unstable cone of a box about the saddle. On this box the
+   inequalities of the cones are shown (`saddle.cones`).
+5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, contains N. It
+   also contains the branch from its first arrival at gamma_bar = pi - c until the flight's end,
+   while gamma grows.
 
 A message of refusal begins with the number of the part of the theorem's proof that fails, such as
 6.3.
@@ -110,10 +113,20 @@ def verify_connection(
     omega_h: tuple[Fraction, Fraction],
     choose: Callable[..., Any],
 ) -> EnclosedConnection:
-    """Verify the interval ``omega_h`` (middle, half-width) [rad/s].
+    """Show that an interval of speeds contains one with a connection of saddles.
 
-    ``choose`` is called with the names of `CHOICES`, "room" and "eigenvalues", and the values on
-    which each may depend. Raises Unproved with the inequality that fails.
+    Args:
+        disk: The eight exact numbers of the disk.
+        friction: The name of the friction law.
+        omega_h: The interval's middle and half-width [rad/s].
+        choose: Returns the choice of a given name: those of `CHOICES`, "room", "eigenvalues", and
+            "arrived", which ends the flight. Further arguments are values on which it may depend.
+
+    Returns:
+        The interval with its proved properties.
+
+    Raises:
+        Unproved: With the inequality that fails.
     """
     middle, half = omega_h
     require(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
@@ -174,11 +187,14 @@ def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> Mani
 def _departure(
     saddle: SaddleCoordinates, choose: Callable[..., Any]
 ) -> tuple[list[Any], list[Any], bool, list[Any]]:
-    """Enclose the branch up to z_u = theta_0.
+    """Enclose the unstable branch of the first saddle up to z_u = theta_0, at all speeds.
+
+    ``choose`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
+    cone is not shown.
 
     Returns:
-        A box of z at theta_0; d(z, speed)/d(speed) there; True if the branch stays upright; a box
-        of states that holds it.
+        A box of z at theta_0; an enclosure of d(z, speed)/d(speed) there; True if the disk is
+        shown to stay upright up to there; a box of states that holds the branch.
     """
     entry = choose("unstable", saddle)
     curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
@@ -218,7 +234,10 @@ def _stands(beta: Any) -> bool:
 
 
 def _parts(step: Step) -> list[Any]:
-    """Return boxes of states that hold the orbits over the step, in order of time."""
+    """Return boxes of states (beta_bar, gamma_bar, v), one for each equal part of the step.
+
+    In order of time they enclose the orbits over the whole step.
+    """
     share = arb(step.length) / (2 * _PIECES)
     return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
 
@@ -226,8 +245,8 @@ def _parts(step: Step) -> list[Any]:
 def room_keeps_orbits(
     room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
 ) -> bool:
-    """Return True if the box ``room`` about the second saddle is shown to contain the block, and
-    all orbits of the flight from their first arrival in the box on.
+    """Return True if a box about the second saddle is shown to contain both the isolating block and
+    the flight, from its first arrival in the box on.
 
     Args:
         room: The half-lengths of the box in (beta, gamma, v).
@@ -252,9 +271,15 @@ def one_speed_stays(
     G: Sequence[Any],
     choose: Callable[..., Any],
 ) -> bool:
-    """Return True if orbits of two different speeds cannot both stay in the box ``room``.
+    """Return True if the branches of two different speeds are shown not to stay both in a box.
 
-    Raises Unproved if an orbit that stays is not shown to converge.
+    Raises Unproved if a branch that stays is not shown to converge to the second saddle.
+
+    Args:
+        saddle: The coordinates z, with the ball of speeds.
+        room: The half-lengths of the box about the second saddle, in (beta, gamma, v).
+        G: The enclosed difference of two speeds' arrivals, in z, per rad/s.
+        choose: Called with "apart", and the values on which these weights of a cone may depend.
     """
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
@@ -268,13 +293,13 @@ def one_speed_stays(
 
 
 def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
-    """Return True if an orbit in the box z that stays in N converges along the slow direction
-    (7.3).
+    """Return True if an orbit from the box z is shown to converge along the slow direction (7.3).
 
-    With weights 1 it has |z_u| <= max(|z_s|, |z_f|). Let the Gershgorin discs of the two rows,
-    enclosed over N in ``matrix``, be disjoint. Then |z_f| grows less than |z_s| where |z_f| =
-    |z_s|, so |z_f| < |z_s| stays true. The fast eigenvalue lies in the fast row's disc, and its
-    eigenvector has |z_f| > |z_s|.
+    The orbit stays in the isolating block N of the second saddle, and ``matrix`` encloses the
+    field's derivative DF over N. By the cones with weights 1 it has |z_u| <= max(|z_s|, |z_f|).
+    Let the Gershgorin discs of the rows s and f of ``matrix`` be disjoint. Then |z_f| grows less
+    than |z_s| where |z_f| = |z_s|, so |z_f| < |z_s| stays true. The fast eigenvalue lies in the
+    fast row's disc, and its eigenvector has |z_f| > |z_s|.
     """
     slow, fast = (
         (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0)))
@@ -284,8 +309,11 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
 
 
 def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
-    """Raise Unproved unless each of three disjoint intervals, in descending order, holds one
-    eigenvalue at every speed.
+    """Raise Unproved unless the claimed intervals enclose the saddle's three eigenvalues.
+
+    At every speed each interval (middle, half-width) [1/s] must contain exactly one of them. The
+    intervals must be disjoint, in descending order. The signs of the characteristic polynomial at
+    their ends decide.
     """
     c, w = saddle.constants, saddle.omega
     arm = c.r - c.e
@@ -304,9 +332,10 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
 
 
 class Recorded:
-    """The recorded choices of a certificate, called with their names.
+    """The recorded choices of a certificate, as a function that returns the choice of a given name.
 
-    The flight arrives when its log ends.
+    The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
+    its log have been taken.
     """
 
     def __init__(self, entries: Mapping[str, Any]) -> None:
@@ -336,7 +365,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Verify a claim of Omega_h: replay its proof with the recorded choices.
+    """Replay the proof of a claim about Omega_h with the recorded choices.
 
     Args:
         claim: The claim, as read from the file.

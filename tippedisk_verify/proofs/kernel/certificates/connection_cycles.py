@@ -13,8 +13,8 @@ D is the set of all z with
 
 An orbit from D that starts below the graph g leaves N through z_u = -u after T seconds, T >=
 `Passage.time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes the exit to -z
-about the first saddle. The flight from there reaches z_s = -s about the second one (`passage`) at
-the point R(z).
+about the first saddle. The flight from there (`passage`) reaches z_s = -s about the second saddle,
+at the point R(z).
 
 If the start tends to the graph, T grows. The exit tends to that of the branch of the unstable
 manifold, because an orbit that has always been in N lies on it. So R is continuous on D with R = p
@@ -35,8 +35,8 @@ continuous, but a path that touches it is the limit of paths a little below it.
 Heights (7a.3)
 --------------
 If moreover d = (-1, 0), then b_us > 0 and |b_uf| <= k b_us to the end. So (d_u, d_f) on arrival has
-d_u < 0 and |d_u| > L |d_f|, L the graph's constant. Let h = g - z_u be the height below the graph.
-Then h(R(z)) grows strictly as z goes down on a line of constant z_f.
+d_u < 0 and |d_u| > L |d_f|, where L is the graph's Lipschitz constant. Let h = g - z_u be the
+height below the graph. Then h(R(z)) grows strictly as z goes down on a line of constant z_f.
 
 Omega_h (7a.3)
 --------------
@@ -194,8 +194,8 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 @dataclass(frozen=True)
 class CyclesNextToConnection:
-    """A verified result: for each speed of (Omega_h, high] the half map has exactly one fixed point
-    in Q.
+    """A verified result: at each speed of (Omega_h, high] the half map P has exactly one fixed
+    point in the set Q of the module's docstring.
     """
 
     low: Fraction
@@ -203,13 +203,13 @@ class CyclesNextToConnection:
     above: Fraction  #: an upper bound of Omega_h [rad/s]
     gamma: Fraction  #: c [rad]
     v: Fraction  #: d [rad/s]
-    kappa: Any = None
+    kappa: Any = None  #: R contracts D by this factor
     time: Any = None  #: a lower bound of the duration of a passage from D [s]
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if these balls lie in Q, at speeds of (Omega_h, high].
+        """Return True if the balls gamma_bar, v lie in Q, and the ball omega in (Omega_h, high].
 
-        A fixed point of P in them is then the one in Q.
+        A fixed point of the half map in these balls is then the only one in Q.
         """
         above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
         inside = (
@@ -230,7 +230,9 @@ def verify_cycles(
     choose: Callable[..., Any],
     watch: Callable[[float], None] = lambda share: None,
 ) -> CyclesNextToConnection:
-    """Verify the cycles at speeds from ``low`` to ``high`` [rad/s].
+    """Show that the half map has one fixed point in Q above Omega_h, and none at it or below.
+
+    The proof is that of the module's docstring, at all speeds from ``low`` to ``high`` [rad/s].
 
     Args:
         connection: The verified interval of Omega_h.
@@ -239,6 +241,9 @@ def verify_cycles(
         choose: Called with the names of `CHOICES` and the values on which each may depend. Its
             ``entry`` also has the claimed c and d (``gamma``, ``v``).
         watch: Called with the share of the flights' steps that is done.
+
+    Returns:
+        The speeds, the set Q, the factor kappa of contraction and the least time of a passage.
 
     Raises:
         Unproved: With the inequality that fails.
@@ -265,7 +270,15 @@ def verify_cycles(
 
 
 class LoopMap:
-    """The map R along the loop in the quotient by S, with the inequalities of D, Q and R."""
+    """The map R along the loop from the set D back to its section, and the proof that it contracts.
+
+    The constructor shows the inequalities for D and Q and bounds the exits from N. It raises
+    Unproved if one fails. `verify` needs the flights from these exits.
+
+    Args:
+        n: The passage through the box N, with its weights.
+        entry: The choice named "entry": the sizes of D and Q, the weight w and the moment.
+    """
 
     def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
         self.n, self.lid, self.fast, self.weight = n, entry["lid"], entry["fast"], entry["weight"]
@@ -327,9 +340,17 @@ class LoopMap:
         )
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
-        """Show the inequalities of R, given the arrivals of all flights, and return kappa.
+        """Show that R contracts and that its fixed point moves monotonically with the speed.
 
-        Raises Unproved.
+        Args:
+            arrivals: The enclosed arrivals of all flights with their derivatives, as `arrivals`
+                returns them: rows for z_u, z_f, the time and the largest beta_bar.
+
+        Returns:
+            A ball with an upper bound of kappa, the factor by which R shortens paths.
+
+        Raises:
+            Unproved: With the inequality that fails.
         """
         n, w = self.n, self.weight
         (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = n.extents, n.steep, n.compound
@@ -344,7 +365,7 @@ class LoopMap:
         require_positive("7a.1: orbits enter N and leave it", entering[S], speed)
 
         def after_round(d: Sequence[Any]) -> list[Any]:
-            """Return bounds of the variation after one round."""
+            """Return upper bounds of |d_u| and |d_f| after one round, for a variation ``d``."""
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
@@ -423,9 +444,11 @@ def _flights(
     entry: dict[str, Any],
     watch: Callable[[float], None],
 ) -> list[list[Any]]:
-    """Return `arrivals` of the flights from all exits at all speeds, divided into cells.
+    """Enclose the arrivals of the flights from all exits at all speeds of [low, high].
 
-    ``entry`` contains the lengths of steps, with one row for each cell of speeds.
+    Speeds and exits are divided into cells, with one flight for each pair of them. ``entry``
+    contains the number of steps and the lengths of steps: a row for each cell of speeds, in it a
+    number for each cell of z_s. Returns the rows of `arrivals`, and raises Unproved as it does.
     """
     rows, (least, largest) = entry["lengths"], loop_map.exits
     require(bool(rows) and all(rows), "7a.1: there are no flights")
@@ -453,9 +476,10 @@ def _flights(
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
-    """Show that gamma grows all along the connection, which stays in N from z_s = -s on.
+    """Raise Unproved unless the connection is shown to stay in the box N from z_s = -s on.
 
-    Raises Unproved.
+    It must also be shown that gamma grows all along it. The boxes ``connection.pieces`` enclose
+    the connection.
     """
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
@@ -478,7 +502,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
-    """Verify the claim of the cycles next to the connection, and return the result.
+    """Replay the proof of the cycles next to the connection, and return what is proved.
 
     Args:
         claim: The claim, as read from the file.

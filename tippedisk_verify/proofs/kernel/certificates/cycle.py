@@ -1,13 +1,14 @@
 """A limit cycle at an exact speed: the claim, its proof from a Krawczyk test, and its sentence.
 
-By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle, and the numbers
-follow on balls. Period and largest |beta_bar| follow by the mean value theorem from the test's
-middle. The multipliers and the derivatives with respect to the speed follow from the flight over
-its box.
+By Theorems 5 and 9 of docs/certified_cycles.md a fixed point lies on a cycle. The numbers of the
+cycle are then computed on balls. The mean value theorem about the test's middle gives the period
+and the largest |beta_bar|. The flight over the test's box gives the multipliers and the derivatives
+with respect to the speed.
 
-Let D = exp(integral of div f). The determinant of the turn map's P' is D at a fixed point, because
-the factor gamma'(start) / gamma'(end) is 1 there. That of the half map's P' is -D: S after the flow
-has the derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
+Let P be the map of the section, f the field, Phi the flow and D = exp(integral of div f). The
+determinant of the turn map's P' is D at a fixed point, because the factor gamma'(start) /
+gamma'(end) is 1 there. The determinant of the half map's P' is -D: S after the flow has the
+derivative -DPhi, with eigenvalue 1 along the field, and determinant -det DPhi.
 """
 
 from __future__ import annotations
@@ -58,9 +59,9 @@ UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
-    """Return the names of the claimed numbers.
+    """Return the names of the numbers that a certificate claims for a cycle of this section.
 
-    Those of `main_numbers` come first. They have the requested digits.
+    Those of `main_numbers`, which have the requested digits, come first.
     """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
@@ -72,13 +73,18 @@ def main_numbers(section: PoincareSection) -> tuple[str, ...]:
 
 
 def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
-    """Return the test's middle, of three points, and the ball of the speed's deviation from it."""
+    """Return where the test of a cycle is centred, and the deviation of the claimed speed.
+
+    ``middle`` holds two points on the section. The claim's exact speed is enclosed in a ball. The
+    first result is the list of both points and the ball's midpoint. The second one is the ball
+    minus its midpoint.
+    """
     speed = ball(claim["omega"])
     return [*middle, speed.mid()], speed - speed.mid()
 
 
 def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
-    """Return enclosures of the cycle's period, multipliers and derivatives, by name.
+    """Return enclosures of the numbers of `claimed_names`: period, multipliers, derivatives, ...
 
     Args:
         section: The section of the cycle.
@@ -118,8 +124,10 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
 
 
 def stability(numbers: Mapping[str, Any]) -> bool | None:
-    """Return True if asymptotic stability is proved, False if instability is, None if neither
-    is.
+    """Return True if the cycle is proved asymptotically stable, False if proved unstable.
+
+    Returns None if neither is proved. The signs of the enclosed ``log_multiplier_slow`` and
+    ``log_multiplier_fast`` decide.
     """
     slow, fast = numbers["log_multiplier_slow"], numbers["log_multiplier_fast"]
     if negative(slow) and negative(fast):
@@ -130,9 +138,10 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
 def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return two balls: the distances from the fixed point to the faces of a tested box.
 
-    ``radii`` are those of the box. No other fixed point is nearer than these distances.
+    ``radii`` are those of the box, for the two coordinates on the section. No other fixed point is
+    nearer than these distances.
     """
-    # The fixed point is up to |K| away from m, which reduces its distance to the box's faces.
+    # The fixed point is up to |K - m| from the box's middle m, so it is nearer to the faces than m.
     first, second = (
         radius.rad() - abs(part) for radius, part in zip(radii, fixed.shift, strict=False)
     )
@@ -165,7 +174,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Verify the claim of a limit cycle: replay its proof with the recorded choices.
+    """Replay the proof of a limit cycle with the recorded choices.
 
     Args:
         claim: The claim, as read from the file.

@@ -13,9 +13,9 @@ numbers (`joined`). So a quantity that falls or grows strictly on each arc does 
 curve. The theorem's proof also joins the last arc to the cycles next to the connection.
 
 **The Hopf point.** At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with
-exp(A t) x = -x. Its b is a sinusoid, and the flight shows that it has no zero inside the half
-period: the period is that of the pair. The enclosures are also checked to hold the closed form's
-Omega_crit.
+exp(A t) x = -x; A is the linearisation at inverted spinning. The component beta_bar of this
+motion is a sinusoid. The flight shows that it has no zero inside the half period, so the period is
+that of the pair. The enclosures are also checked to contain the closed form's Omega_crit.
 """
 
 from __future__ import annotations
@@ -130,7 +130,7 @@ class Piece:
         return not self.low
 
     def at(self, amplitude: Fraction) -> Pair:
-        """Return v_0 [rad/s] and Omega [rad/s] of the polynomials at an amplitude [rad]."""
+        """Evaluate the polynomials: return v_0 [rad/s] and Omega [rad/s] at an amplitude [rad]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
@@ -140,7 +140,10 @@ class Piece:
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
-        """Convert values or distances of the two polynomials to those of v_0 and Omega."""
+        """Convert values of the two polynomials, or distances of them, to those of v_0 and Omega.
+
+        For a scaled piece the first one is multiplied by the amplitude [rad].
+        """
         return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
@@ -150,7 +153,7 @@ class Piece:
 
 
 def polynomial(texts: Sequence[str]) -> Jet:
-    """Return the jet of balls that hold these decimals."""
+    """Return the polynomial with these coefficients (decimals, lowest power first) as a jet."""
     return Jet([ball(Fraction(text)) for text in texts])
 
 
@@ -167,7 +170,7 @@ def box_test(
     radii: Sequence[Fraction],
     choices: Any,
 ) -> Arc:
-    """Test a box about an arc's polynomials, at the working precision.
+    """Apply Krawczyk's test to a box about an arc's polynomials, at the working precision.
 
     Args:
         disk: The eight exact numbers.
@@ -175,6 +178,9 @@ def box_test(
         arc: Its end, and the coefficients of the two unknown numbers and of half the period.
         radii: The box's radii, for the two unknown numbers.
         choices: The proposer of the flight's steps.
+
+    Returns:
+        The test's result, which may be that the cycles are not included.
 
     Raises:
         Unproved: If the flight fails.
@@ -194,7 +200,11 @@ def box_test(
 
 
 def signs(arc: Arc) -> ArcStatus | None:
-    """Return the first sign that is not shown for an arc that has passed its test, or None."""
+    """Return the first property that is not shown for an arc that has passed its test, or None.
+
+    The properties are, in this order: Omega falls, the cycles are stable, the period grows and
+    beta_max grows.
+    """
     falling, stable = arc.falling(), arc.stable()
     if not falling:
         return ArcStatus.NOT_FALLING if falling is None else ArcStatus.RISING
@@ -206,7 +216,12 @@ def signs(arc: Arc) -> ArcStatus | None:
 
 
 def verify_piece(job: Job) -> Piece:
-    """Verify one arc and return its piece. Raises Unproved with the test that fails."""
+    """Verify one arc of the family and return the piece that it proves.
+
+    ``job`` holds the disk, the amplitude at which the arc begins, the arc's number and its
+    evidence. Raises Unproved with the test that fails, and Refused if the evidence has a wrong
+    shape.
+    """
     disk, low, number, content = job
     arc = parsed(content, ARC, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
@@ -243,8 +258,9 @@ Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if both pieces include this positive amplitude and provably have the same cycle
-    there.
+    """Return True if two pieces provably have the same cycle at an amplitude [rad].
+
+    Returns False unless both pieces include the amplitude and it is positive.
     """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
@@ -252,8 +268,8 @@ def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the enclosure of the first piece's cycle lies in the second piece's box of
-    uniqueness.
+    """Return True if the enclosure of the first piece's cycle at this amplitude lies in the second
+    piece's box of uniqueness.
     """
     parts = zip(
         first.at(amplitude),
@@ -272,8 +288,9 @@ def omega_crit(disk: Mapping[str, str]) -> Any:
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return the reason why the pieces are not proved to be one curve from the Hopf point. Returns
-    '' if they are.
+    """Return why the pieces are not proved to be one curve from the Hopf point on.
+
+    Returns '' if they are proved to be one.
     """
     if not pieces:
         return "there are no arcs"
@@ -287,10 +304,10 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
 
 
 def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction]:
-    """Return distances from every cycle within which there is no other of the same gamma_bar_0.
+    """Return three distances from each cycle within which no second cycle has its gamma_bar_0.
 
-    They are distances of v_0 / gamma_bar_0 [1/s] on the first piece, of v_0 [rad/s] on the others,
-    and of Omega [rad/s].
+    They are a distance in v_0 / gamma_bar_0 [1/s] on the first piece, one in v_0 [rad/s] on all
+    later pieces, and one in Omega [rad/s] on all pieces.
     """
     rooms = [
         [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)]
@@ -301,7 +318,7 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
 
 
 def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
-    """Return balls of Omega, gamma_bar_0 and v_0 at the end of the last piece."""
+    """Return balls of Omega [rad/s], gamma_bar_0 [rad], v_0 [rad/s] where the last piece ends."""
     last = pieces[-1]
     middle, off = last.at(last.high), last.scaled_to(last.high, last.within)
     v, omega = (ball(x) + arb(0, 1) * ball(near) for x, near in zip(middle, off, strict=True))
@@ -309,7 +326,10 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
 
 
 def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the shapes of claim and evidence, up to the connection (``whole``) or not."""
+    """Return the shapes of a family's claim and of its evidence.
+
+    If ``whole``, the family reaches up to the connection, and both have further members for it.
+    """
     claim = {
         "friction": one_of("linear"),
         "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
@@ -326,7 +346,7 @@ SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
-    """Raise Unproved unless the evidence proves the claim.
+    """Raise Unproved unless the recorded evidence proves the claim of a family.
 
     ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
     """

@@ -1,9 +1,9 @@
 """A fold of limit cycles: an extreme speed on an arc of a family, rotating or librating.
 
-The family is a curve over p, the first coordinate on the section. The second one, v, and Omega are
-unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's test over p in a
-ball, and to find the signs of dOmega/dp at the arc's ends. The half map includes the symmetry, so
-the multipliers of a period are the squares of its own.
+The family is a curve over p, the first coordinate on the section. The second coordinate v and the
+speed Omega are unknown. By Theorem 10 of docs/certified_cycles.md it suffices to apply Krawczyk's
+test over p in a ball, and to find the signs of dOmega/dp at the arc's ends. The half map includes
+the symmetry, so the multipliers of a period are the squares of the map's eigenvalues.
 """
 
 from __future__ import annotations
@@ -41,19 +41,27 @@ def names(section: PoincareSection) -> tuple[str, ...]:
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
-    """Return three balls of p: over the arc, at its lower end and at its upper end."""
+    """Return three balls of p, the first coordinate: over the arc, at its lower and its upper end.
+
+    The arc contains all p with |p - place| <= half.
+    """
     return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
 
 
 def slope(fixed: FixedPoints) -> Any:
-    """Return a ball of dOmega/dp on the curve of fixed points, over the box of a test."""
+    """Return a ball of dOmega/dp, the speed's slope along the curve of fixed points of a test.
+
+    p is the first coordinate on the section.
+    """
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """Return the kind of extremum that Omega has inside the arc, given its slopes at both ends.
-    Returns None if no extremum is shown.
+    """Return the kind of extremum that Omega is shown to have inside the arc, or None.
+
+    ``lower`` and ``upper`` are balls of Omega's slope at the arc's lower and upper end. Only their
+    signs matter.
     """
     if negative(lower) and positive(upper):
         return "smallest"
@@ -66,9 +74,13 @@ def judge(
     points: Sequence[FixedPoints],
     radii: Sequence[Any],
 ) -> None:
-    """Raise Unproved unless tests on the whole arc and at its ends prove the claim.
+    """Raise Unproved unless the tests on the whole arc and at its ends prove the claim.
 
-    ``radii`` are those of the arc's box. ``points`` are the results in the order of `POINTS`.
+    Args:
+        claim: The claim of a fold, with its numbers and the kind of extremum.
+        section: The section of the cycles.
+        points: The results of the passed tests, in the order of `POINTS`.
+        radii: The radii of the arc's box, in v and Omega.
     """
     whole, numbers = points[0], claim["numbers"]
     for point, name in zip(points[1:], POINTS[1:], strict=True):
@@ -111,7 +123,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Verify the claim of a fold: replay its proof with the recorded choices.
+    """Replay the proof of a fold with the recorded choices.
 
     Args:
         claim: The claim, as read from the file.

@@ -1,14 +1,15 @@
 """The passage by noninverted spinning and the flights to its copy, for all orbits at once (linear
 law).
 
-N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t in the coordinates of `saddle`. All speeds lie in
-one ball. F is odd, so DF is the same at z and -z, and half of N suffices. The following are
-enclosed over small cells:
+N is the box |z_u| <= u, |z_s| <= s, |z_f| <= t. Here z_u, z_s, z_f are the coordinates of `saddle`
+along the unstable, the slow stable and the fast stable direction, and z' = F(z) is the motion in
+them. All speeds lie in one ball. F is odd, so DF is the same at z and -z, and half of N suffices.
+N is divided into small cells, over which the following are enclosed:
 
 - A, which holds DF, and B, the derivative of F with respect to the speed.
 - M, the mean of DF over each ray from the saddle, so that F(z) = M z for a matrix of M. It is the
-  mean of n hulls. The k-th is the hull of A over the cells that meet (k / n) N. It holds DF where the ray's
-  parameter is between (k - 1) / n and k / n.
+  mean of n hulls. The k-th one is the hull of A over the cells that meet (k / n) N. It encloses DF
+  where the ray's parameter is between (k - 1) / n and k / n.
 - The products F_i B_j - F_j B_i, near z_f = 0.
 
 A message of refusal begins with the number of the part of the proof of Theorem 7a that fails.
@@ -73,9 +74,9 @@ On the graph beta_bar > 0 where z_s < 0.
 
 The flights (7a.1)
 ------------------
-They go from one saddle to the next, many in one array: from z_u = u about the first to z_s = -s
-about the second. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All take the same
-number of steps, each with its own length of step. A step is that of `kernel.flow`, in doubles.
+The flights go from z_u = u about the first saddle to z_s = -s about the second one, many in one
+array. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All flights take the same
+number of steps, but each has its own length of step. A step is that of `kernel.flow`, in doubles.
 
 In each step but the last, z_s < -s is proved throughout: directly over the whole step, or at the
 step's end together with F_s > 0 throughout. The last step begins before the section and ends after
@@ -126,9 +127,15 @@ _ORDER = 8  # of the flights' series
 
 
 class Passage:
-    """The box N with its extents and cells, and the enclosures over it.
+    """The box N about the saddle, with enclosures of the field F over it and bounds of the passage.
 
-    `weighted` shows the inequalities for given weights.
+    The constructor encloses the matrices A and M, the second compound's C and the derivative B by
+    the speed. `weighted` must come next: it shows the inequalities on which all other methods rely.
+
+    Args:
+        saddle: The coordinates z, with the ball of speeds.
+        extents: The half-lengths u, s, t of N along z_u, z_s, z_f.
+        cells: The numbers n and m: n cells along half of z_u, 2 n along z_s and 2 m along z_f.
     """
 
     def __init__(
@@ -169,11 +176,12 @@ class Passage:
         )
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """Return two lists, over an array of cells.
+        """Enclose the field's derivatives over an array of cells z.
 
-        The first one contains DF, the sums of pairs of its diagonal entries, and B. The second one
-        contains the hull of the products F_i B_j - F_j B_i over the ``central`` cells, if there are
-        any.
+        Returns two lists. The first one contains the nine entries of DF, the sums of pairs of its
+        diagonal entries, and B, the derivative of the field F by the speed. The second one
+        contains the hull of the products F_i B_j - F_j B_i over the ``central`` cells. It is empty
+        if there are no such cells.
         """
         _, slopes, by_speed = self.saddle.field(z)
         d = [entry for row in slopes for entry in row]
@@ -207,10 +215,11 @@ class Passage:
         self.B = [abs_upper(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
-        """Prove parts 7a.1 to 7a.5 with given weights: faces, cones, second compound, thin set and K.
+        """Show the inequalities of parts 7a.1 to 7a.5 that concern N alone, with given weights.
 
-        The weights and the bounds that follow from them are kept for the other methods. Raises
-        Unproved.
+        They concern the faces, the cones, the second compound, the thin set and the set K. Stores
+        the weights, and the bounds that follow from them, for the other methods. Raises Unproved
+        with the inequality that fails.
         """
         self.steep, self.compound, self.drift = (
             weights["steep"],
@@ -286,7 +295,8 @@ class Passage:
     def _thin_set(self) -> None:
         """Show that orbits stay in the thin set |z_f| <= k_3 max(|z_u|, |z_s|) (part 7a.4).
 
-        Enclose z_s / z_u and z_f / z_u at beta_bar = 0 in ``ratios``. Raises Unproved.
+        k_3 is the weight ``thin``. Stores in ``ratios`` enclosures of z / z_u where beta_bar = 0
+        in this set. Raises Unproved.
         """
         m, k, p = self.M, self.thin, self.saddle.directions
         falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
@@ -311,14 +321,17 @@ class Passage:
         )
 
     def at_crossing(self, row: int) -> Any:
-        """Return y_row / z_u where beta_bar = 0 in the thin set."""
+        """Return an enclosure of y_row / z_u where beta_bar = 0 in the thin set.
+
+        y = (beta_bar, y_g, v) is the offset from the saddle, so row 1 is gamma's and row 2 is v's.
+        """
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
     def _quadrant(self, rate: Any) -> None:
-        """Show that orbits do not leave K within N, so beta_bar does not come back to 0 there
-        (7a.4).
+        """Show that orbits do not leave the set K within N (7a.4).
 
-        Raises Unproved.
+        K contains all offsets y from the saddle with beta_bar <= 0, y_g <= 0 and v <= -p beta_bar,
+        where p is ``rate`` [1/s]. So beta_bar does not come back to 0 in N. Raises Unproved.
         """
         p = self.saddle.directions
         rows = p * self.M * self.saddle.inverse
@@ -332,8 +345,9 @@ class Passage:
         )
 
     def rates(self, z: Sequence[Any]) -> list[Any]:
-        """Return an enclosure of the field F over a box of z, in the mean value form about the box's
-        midpoint.
+        """Return an enclosure of the field F over a box of z.
+
+        It is the mean value form about the box's midpoint.
         """
         middle = [x.mid() for x in z]
         change = arb_mat(self.saddle.field(z)[1]) * arb_mat(
@@ -342,24 +356,27 @@ class Passage:
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
-        """Return a time [s] before which no orbit leaves N that starts at most ``distance`` below
-        the graph.
+        """Return a time [s] during which orbits that start close to the stable manifold stay in N.
+
+        They start at most ``distance`` below its graph, measured along z_u.
         """
         u, s, t = self.extents
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
     def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """Return upper bounds of |z_s| and |z_f| after ``time`` in N, from ``slow`` and
-        ``fast``.
+        """Return upper bounds of |z_s| and |z_f| after ``time`` [s] in N.
+
+        ``slow`` and ``fast`` are bounds of |z_s| and |z_f| at the start.
         """
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
         return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
-        """Return an upper bound of |z_u| at beta_bar = 0, for orbits below the graph.
+        """Return an upper bound of |z_u| where orbits below the graph reach beta_bar = 0.
 
-        They start with |z_u| <= lid, |z_f| <= fast. Before the moment the growth of |z_u| is
-        bounded, and after it |z_s| has fallen.
+        The orbits start on z_s = -s with |z_u| <= lid and |z_f| <= fast. If they reach beta_bar = 0
+        before the ``moment`` [s], |z_u| has grown at a bounded rate. If they reach it later, |z_s|
+        has fallen, and |z_u| is in proportion to it. Raises Unproved unless the moment is positive.
         """
         _, s, _ = self.extents
         require_positive("7a.4: the moment of crossing", moment)
@@ -369,7 +386,10 @@ class Passage:
         )
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """Return upper bounds of |b_us| and |b_uf| after ``time``, given b at its start."""
+        """Return upper bounds of |b_us| and |b_uf| after ``time`` [s] in N.
+
+        ``b`` is the second compound (b_us, b_uf, b_sf) of the field and a variation at the start.
+        """
         k_1, k_2 = self.compound
         size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
         first = abs_upper(size * (-self.rate * time).exp())
@@ -382,8 +402,10 @@ class Passage:
         ]
 
     def ratio(self, time: Any) -> Any:
-        """Return an upper bound of |b_uf| / b_us after ``time`` in the cone |b_uf| <= k_1 b_us,
-        |b_sf| <= k_2 b_us.
+        """Return an upper bound of |b_uf| / b_us after ``time`` [s] in N.
+
+        The second compound b starts in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, and stays
+        in it.
         """
         faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
         return abs_upper(faded + self.fed / (self.falls - self.slowest))
@@ -398,10 +420,11 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """Enclose the arrivals of all flights, with their derivatives.
+    """Enclose the arrivals on z_s = -s of all flights, with their derivatives.
 
-    The derivatives are those with respect to z_s, z_f and the speed at the start. All inequalities
-    belong to part 1 of the proof of Theorem 7a.
+    The flights start on z_u = u about the first saddle. The derivatives are those with respect to
+    z_s, z_f and the speed at the start. All inequalities belong to part 1 of the proof of Theorem
+    7a.
 
     Args:
         saddle: The coordinates; their speeds are an array of balls, one for each flight.
@@ -413,7 +436,8 @@ def arrivals(
         watch: Called after each step with the share of the steps that is done.
 
     Returns:
-        Rows of Arb's balls for z_u, z_f and the time on arrival, and for the largest beta_bar.
+        Four rows: for z_u, z_f and the time [s] on arrival, and for the largest beta_bar. Each row
+        has four of Arb's balls, which hold the value and its derivatives for all flights.
 
     Raises:
         Unproved: With the number of the first flight that is not proved.
@@ -452,9 +476,9 @@ def arrivals(
 
 
 class _Axes:
-    """The proposer of the sets' axes, by a fixed rule.
+    """The source of the axes of sets of states, which follow a fixed rule.
 
-    The axes are the images of those of z_u and z_s, and the axis of v.
+    The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
 
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
@@ -465,7 +489,10 @@ class _Axes:
 
 
 def _all(what: str, *verified: NDArray[np.bool_]) -> None:
-    """Raise Unproved, with the first flight that fails, unless all entries are True."""
+    """Raise Unproved unless all masks are True for all flights.
+
+    The message contains the number of the first flight that fails, and ``what``.
+    """
     flights = np.logical_and.reduce(verified)
     if not flights.all():
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
@@ -481,9 +508,10 @@ def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
-    """Show that gamma grows and that v has at most one zero in the step.
+    """Show that gamma grows and that v has at most one zero in the step of each flight.
 
-    Returns a mask of the flights in which v may have a zero.
+    Returns a mask of the flights in which v may have a zero. Raises Unproved with the first flight
+    for which this is not shown.
     """
     beta, _, v = step.enclosure
     _all(
@@ -500,9 +528,11 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
 
 
 def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
-    """Return rows for the time of arrival within the step [s], for z_u and for z_f.
+    """Enclose the arrivals on z_s = -s in the last step of each flight.
 
-    Each row is the value and its derivatives with respect to z_s, z_f and the speed at the start.
+    Returns three rows: for the time [s] since the step's start, for z_u and for z_f. Each row has
+    the value and its derivatives with respect to z_s, z_f and the speed at the flight's start.
+    Raises Unproved with the first flight that is not shown to arrive.
     """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2

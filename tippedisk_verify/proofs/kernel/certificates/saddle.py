@@ -49,11 +49,11 @@ anywhere else (`block`).
 
 The smooth friction law (6.5)
 -----------------------------
-Its field is odd, continuously differentiable, and analytic on either side of gamma_y = 0, a surface
-through the saddle. The halves of each curve leave the saddle on opposite sides. W is the series of
-one side's law, for theta > 0, with even powers too. The sign of gamma_y on the curve, or all over
-the cone about it, is shown by the mean value theorem. gamma_y is zero at the saddle, and its
-derivative along z / theta is enclosed.
+The field of this law is odd, continuously differentiable, and analytic on either side of the
+surface gamma_y = 0, which passes through the saddle. The halves of each curve leave the saddle on
+opposite sides. W is the series of one side's law, for theta > 0, with even powers too. The mean
+value theorem gives the sign of gamma_y on the curve, or all over the cone about it. For gamma_y is
+zero at the saddle, and its derivative along z / theta is enclosed.
 
 - In the cone of the unstable manifold the side's law is the smooth one, so the argument above is
   about an analytic field.
@@ -111,32 +111,35 @@ UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
 def require_positive(what: str, *slacks: Any) -> None:
-    """Raise Unproved unless all numbers of all balls are positive.
+    """Raise Unproved unless all numbers of the balls ``slacks`` are positive.
 
-    ``what`` begins with the number of the part of the proof in docs/certified_connection.md.
+    The message is ``what`` with the ball that fails. ``what`` begins with the number of the part
+    of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
         require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
 
 
 def abs_upper(x: Any) -> Any:
-    """Return a point no smaller than any |x| of the ball."""
+    """Return an upper bound of |x| over the ball x, as a ball without width."""
     return x.abs_upper()
 
 
 def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
-    """Return for each row the weighted sum of the off-diagonal entries' sizes."""
+    """Return, for each row i of a 3 x 3 matrix, the sum of |matrix_ij| weights_j over j != i."""
     return [
         sum((abs(matrix[i, j]) * weights[j] for j in range(3) if j != i), arb(0)) for i in range(3)
     ]
 
 
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
-    """Return three balls that have to be positive for the cones of the weights.
+    """Return three balls; if all are positive, differences of orbits obey the cone conditions.
 
-    On a convex box that holds the saddle let ``matrix`` hold DF and ``by_speed`` the derivative of
-    F with respect to the speed. Let two orbits at speeds w and w + D, D >= 0, differ by d, and let
-    U = |d_u| / k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long as both orbits are in the box:
+    Let F be the field in the coordinates (u, s, f) along the unstable, slow and fast direction.
+    On a convex box about the saddle, ``matrix`` encloses DF and ``by_speed`` the derivative of F
+    with respect to the speed. The ``weights`` are k_u, k_s, k_f. Let two orbits at speeds w and
+    w + D, D >= 0, differ by d. Let U = |d_u| / k_u and S = max(|d_s| / k_s, |d_f| / k_f). As long
+    as both orbits are in the box:
 
     - Once U >= max(S, D), this stays so, and U grows exponentially.
     - Backwards in time, once S >= max(U, D), this stays so, and S grows exponentially.
@@ -149,9 +152,10 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
 
 
 def hull_of_array(x: BallArray) -> Any:
-    """Return one of Arb's balls that holds a whole array.
+    """Return one of Arb's balls that contains all balls of an array.
 
-    Rounded differences move outwards by one ulp. Returns NaN if a ball is infinite.
+    The ends of the balls, rounded sums in doubles, are moved outwards by one ulp. Returns NaN if a
+    ball is infinite.
     """
     if not x.is_finite().all():
         return arb.nan()
@@ -163,14 +167,21 @@ def hull_of_array(x: BallArray) -> Any:
 
 
 def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    """Return x_i y_j - x_j y_i for the pairs (i, j) = us, uf, sf."""
+    """Return the list of x_i y_j - x_j y_i for the pairs (i, j) = us, uf, sf of coordinates.
+
+    u, s and f are the components along the unstable, slow stable and fast stable direction.
+    """
     return [
         x[i] * y[j] - x[j] * y[i] for i, j in ((UNSTABLE, SLOW), (UNSTABLE, FAST), (SLOW, FAST))
     ]
 
 
 class _Beyond:
-    """The ``ops`` of the equations with gamma_bar = pi + y for the given angle y."""
+    """The sine and cosine for the equations of motion about the saddle, where gamma_bar = pi + y.
+
+    The object ``angle`` stands for y: its sine and cosine change their sign. Other angles are
+    unaffected.
+    """
 
     def __init__(self, ops: Any, angle: Any) -> None:
         self._ops, self._angle = ops, angle
@@ -207,19 +218,23 @@ class SaddleCoordinates:
         self.constants = constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
-        """Return y = P z."""
+        """Return the offset y = P z from the saddle, in (beta_bar, gamma_bar, v)."""
         return _times(self.directions, z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
-        """Return z of an offset y."""
+        """Return the coordinates z = P^-1 y of an offset y from the saddle."""
         return _times(self.inverse, offset)
 
     def arrived(self, state: Sequence[Any]) -> list[Any]:
-        """Return z about the second saddle of (beta_bar, gamma_bar, v)."""
+        """Return the coordinates z, about the second saddle, of (beta_bar, gamma_bar, v)."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
     def law(self, side: int | None) -> Any:
-        """Return F as a law of `flow.Model`; the linear law has no sides."""
+        """Return the field F in the coordinates z, as the ``law`` that `flow.Model` expects.
+
+        ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
+        itself.
+        """
 
         def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
@@ -234,7 +249,7 @@ class SaddleCoordinates:
         return in_z
 
     def rates(self, z: Sequence[Any], side: int | None = None) -> list[Any]:
-        """Return F at balls or series of balls."""
+        """Return the rates z' = F(z) at balls, or series of balls, z."""
         return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
 
     @property
@@ -250,9 +265,10 @@ class SaddleCoordinates:
     def field(
         self, z: Sequence[Any], side: int | None = None
     ) -> tuple[list[Any], list[list[Any]], list[Any]]:
-        """Return F, DF and the derivative B with respect to the speed over a box of z.
+        """Enclose the field F, its derivative DF and its derivative B by the speed over a box of z.
 
-        Under the smooth law without a ``side`` they are the hull of both sides'.
+        Returns a list of three balls, three rows of three, and three again. Under the smooth law
+        they belong to the law of a ``side`` (1 or -1), or are the hull of both if it is None.
         """
         start = [
             *z,
@@ -280,8 +296,10 @@ class SaddleCoordinates:
             return coefficient(moved, 1)
 
     def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the path of all orbits from a box of z about the first saddle, with
-        derivatives.
+        """Return the path of all orbits from a box of z about the first saddle.
+
+        ``proposer`` chooses its steps. The path also carries the derivatives with respect to the
+        coordinates z at the start and the speed.
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
@@ -299,10 +317,10 @@ class SaddleCoordinates:
         return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
-        """Return a box of z, about the second saddle, that holds a set of states.
+        """Return a box of z, about the second saddle, that encloses the states of a set ``frame``.
 
-        It is summed over the set's own axes. With ``deviation``, it holds the states with these
-        deviations.
+        It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
+        the start and the speed, only the states of these deviations are enclosed.
         """
         lead, axes = map(self.columns, (frame.lead, frame.axes))
         d = frame.deviation if deviation is None else deviation
@@ -314,18 +332,18 @@ class SaddleCoordinates:
         ]
 
     def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return P^-1 times a matrix."""
+        """Return P^-1 times a matrix: its columns, offsets from the saddle, in coordinates z."""
         return [
             list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)
         ]
 
 
 class ManifoldGraph:
-    """A polynomial graph w = W(theta) over the coordinate ``along``.
+    """A polynomial curve near an invariant manifold: two coordinates as functions of the third.
 
-    ``graph`` contains the exact coefficients of theta^0 ... theta^N for each of the other
-    coordinates, the first one 0. ``side`` is the sign of gamma_y on the half with theta > 0, None
-    for the linear law.
+    theta is the coordinate with the index ``along``, and W(theta) gives the other two. ``graph``
+    contains the exact coefficients of theta^0 ... theta^N for each of them, the first one 0.
+    ``side`` is the sign of gamma_y on the half with theta > 0, None for the linear law.
     """
 
     def __init__(
@@ -343,14 +361,14 @@ class ManifoldGraph:
         require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
-        """Return W at a number, ball or series."""
+        """Return W(theta), the other two coordinates, at a number, ball or series."""
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
             return [_horner(row, theta) for row in self.graph]
         values = [_horner(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
-        """Return W' at a number, ball or series."""
+        """Return the derivatives W'(theta) of both polynomials at a number, ball or series."""
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
@@ -365,14 +383,17 @@ class ManifoldGraph:
         return z
 
     def straightened(self, z: Sequence[Any]) -> list[Any]:
-        """Return w of a point z."""
+        """Return w, the offset of a point z from the curve in the other two coordinates."""
         return [
             z[other] - value
             for other, value in zip(self.others, self.at(z[self.along]), strict=True)
         ]
 
     def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
-        """Return J, where DF is ``matrix`` and theta in its ball."""
+        """Return J, the 2 x 2 matrix by which the offset w from the curve moves: w' = D + J w.
+
+        ``matrix`` encloses the derivative DF of the field, and ``theta`` is a ball.
+        """
         return [
             [matrix[row, column] - slope * matrix[self.along, column] for column in self.others]
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
@@ -383,9 +404,10 @@ class ManifoldGraph:
         return [_horner(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
-        """Show that gamma_y has the curve's sign on |w_i| <= cone_i theta, 0 < theta <= reach.
+        """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
 
-        Raises Unproved. A curve without a side passes.
+        The cone consists of |w_i| <= cone_i theta, 0 < theta <= reach, where w is the offset from
+        the curve. A curve without a side passes.
         """
         if self.side is None:
             return
@@ -397,7 +419,7 @@ class ManifoldGraph:
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
     def defect(self, theta: Any, order: int) -> list[Any]:
-        """Return D(theta + x) as a series in x to x^order."""
+        """Return D(theta + x), the curve's defect of invariance, as two series in x to x^order."""
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
             flow = self.saddle.rates(self.point(variable), self.side)
@@ -405,9 +427,10 @@ class ManifoldGraph:
             return [flow[other] - slope * flow[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
-        """Return bounds d of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
+        """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
 
-        Returns NaN where there is no bound.
+        D is the curve's defect of invariance. Returns NaN where there is no bound. Raises Unproved
+        if D is not 0 at the saddle.
         """
         order, whole = self.order, arb(0).union(reach)
         if self.side is None:
@@ -431,10 +454,20 @@ class ManifoldGraph:
 def leaving(
     curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
 ) -> tuple[list[Any], list[Any], Any]:
-    """Show that the unstable branch at z_u = theta > 0 lies in the cone (6.1).
+    """Show that the unstable branch stays in a cone about the curve up to z_u = theta > 0 (6.1).
+
+    Args:
+        curve: A polynomial curve near the unstable manifold.
+        theta: The coordinate z_u at which the branch leaves the cone.
+        cone: The slopes k: the cone is |w_i| <= k_i z_u, w the offset from the curve.
+        defect: Bounds of the curve's defect, as `ManifoldGraph.relative_defect` returns them.
 
     Returns:
-        The box of z there, a box of z that holds the branch up to there, and DF over the latter.
+        The box of z at z_u = theta, a box of z that holds the branch up to there, and the field's
+        derivative DF over the latter.
+
+    Raises:
+        Unproved: With the inequality that fails.
     """
     require_positive("6.1: the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
@@ -456,10 +489,14 @@ def leaving(
 
 
 def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
-    """Show that N with the extents s, u, t is an isolating block (6.3).
+    """Show that N = {|z_s| <= s, |w_u| <= u, |w_f| <= t} is an isolating block (6.3).
+
+    w is the offset from ``curve``, near the slow stable manifold; ``extents`` are s, u, t. Raises
+    Unproved with the inequality that fails.
 
     Returns:
-        Its delta, a box of z that holds N, and DF over that box.
+        The bound delta, beyond which |w_u| grows until the orbit leaves N; a box of z that contains
+        N; the field's derivative DF over that box.
     """
     s, u, t = extents
     require_positive("6.3: the isolating block", s, u, t)
