@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Report", "html_page", "print_report"]
 
-#: The colours of the verdicts on answers and levels. A verdict without a colour is not listed.
+#: The colours of the verdicts on answers and levels. A verdict without a colour is not graded.
 _SHADES = {
     **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
     **dict.fromkeys(("few-digits", "too few digits"), "few"),
