@@ -47,7 +47,7 @@ class Derivative(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Printable):
-    """A motion, as `scipy.integrate.solve_ivp` returns it, with half-widths that hold the truth.
+    """A motion, as `scipy.integrate.solve_ivp` returns it, with a half-width for each number.
 
     - ``t`` (n,) [s] are the requested times that were reached, rounded once. ``times`` are the
       exact ones.
