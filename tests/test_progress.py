@@ -56,6 +56,10 @@ def test_long_numbers_report_their_share(call, monkeypatch) -> None:
 def test_only_the_outermost_progress_is_shown(monkeypatch) -> None:
     started: list[Thread] = []
     monkeypatch.setattr(Thread, "start", lambda thread: started.append(thread))
+    with progress.progress_of() as unseen:
+        unseen("nothing", 1)
+    assert not started  # nobody sees the standard error of a test
+    monkeypatch.setattr(progress, "_has_viewer", lambda: True)
     with progress.progress_of(), progress.progress_of(3) as inner:
         inner("nothing", 1)
     with progress.progress_of(progress=False), progress.shown_share("nothing"):
@@ -73,6 +77,7 @@ def test_work_is_watched_unless_that_is_turned_off(call, monkeypatch) -> None:
 
     watching: list[Thread] = []
     monkeypatch.setattr(progress, "Thread", Watching)
+    monkeypatch.setattr(progress, "_has_viewer", lambda: True)
     _CALLS[call](False)
     assert watching == []
     _CALLS[call](None)

@@ -58,7 +58,8 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
 @contextmanager
 def _shown(total: int, wanted: bool) -> Iterator[Advance]:
     """Yield an `Advance` as `progress_of` does, which shows nothing unless that is wanted."""
-    if not wanted or sys.stderr is None or parent_process() is not None:
+    # Starting a thread takes as long as a fifth of a limit cycle.
+    if not wanted or not _has_viewer() or parent_process() is not None:
         yield lambda label, steps: None
         return
     current, over = [("at work", 0)], Event()
@@ -122,6 +123,13 @@ def _on_terminal(total: int) -> Iterator[Advance]:
         task = bar.add_task("", total=total or None)
         bar.tasks[0].start_time = bar.get_time() - _DELAY
         yield lambda label, done: bar.update(task, description=label, completed=done)
+
+
+def _has_viewer() -> bool:
+    """Return True if standard error is a terminal, or if this process runs a notebook."""
+    with suppress(AttributeError, ValueError):  # there may be no standard error, or a closed one
+        return _has_kernel() or sys.stderr.isatty()
+    return False
 
 
 def _has_kernel() -> bool:
