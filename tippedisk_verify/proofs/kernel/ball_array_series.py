@@ -44,7 +44,7 @@ class BallArraySeries(Sequence[BallArray]):
 
     @quieted
     def append(self, ball: BallArray) -> None:
-        """Append a copy of the ball."""
+        """Append a copy of an array of balls as the next coefficient of the series."""
         if self._length == self._rows.shape[1]:
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
         mid, size, spread, upper, rad = self._rows[:, self._length]

@@ -97,7 +97,7 @@ class Jet:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Jet:
-        """Divide.
+        """Return the quotient by a jet or by a number, with an enclosed remainder.
 
         b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds
         the terms of b c beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
@@ -155,19 +155,21 @@ class Jet:
         return result._wider(symmetric(last / (factorial * (top + 1))))
 
     def _wider(self, extra: Any) -> Jet:
-        """Add a ball to the highest coefficient."""
+        """Return the jet with a ball added to its highest coefficient."""
         return Jet([*self.c[:-1], self.c[-1] + extra])
 
     def cut(self, degree: int) -> Jet:
-        """Reduce the degree to ``degree``: the sizes of the other coefficients go into the highest
-        one.
+        """Return a jet of at most this degree that still encloses the function.
+
+        The sizes of the coefficients beyond the ``degree`` are added to the highest one that is
+        left.
         """
         if degree >= self.degree:
             return self
         return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
 
     def mid(self) -> Jet:
-        """Return the jet of the coefficients' midpoints."""
+        """Return the jet whose coefficients are the midpoints of this jet's coefficients."""
         return Jet([x.mid() for x in self.c])
 
     def range(self) -> Any:
@@ -194,12 +196,15 @@ class Jet:
         return self.cut(ROUGH_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:
-        """Return an empty sequence of jets like this one."""
+        """Return an empty power series in time, whose coefficients will be jets.
+
+        ``old`` is not used.
+        """
         return JetSeries([], [])
 
 
 class JetSeries(Sequence[Jet]):
-    """The coefficients, jets, of a power series in time."""
+    """A power series in time, given by its coefficients, which are jets."""
 
     __slots__ = ("_polynomials", "jets")
 
@@ -207,7 +212,7 @@ class JetSeries(Sequence[Jet]):
         self.jets, self._polynomials = jets, polynomials
 
     def append(self, jet: Jet | None) -> None:
-        """Append a coefficient."""
+        """Append a jet as the next coefficient of the series."""
         assert jet is not None
         self.jets.append(jet)
         self._polynomials.append(_polynomial(jet))
@@ -270,7 +275,10 @@ def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
 
 
 def _summed(z: Any, size: Callable[[int], Fraction]) -> Any:
-    """Return the sum of (-z)^k size(k) for k < n, with size(n) z^n on both sides of it."""
+    """Return a ball or jet that holds an alternating power series in z: the sum of (-z)^k size(k).
+
+    The terms with k < n are summed. The remainder is bounded by size(n) z^n on both sides.
+    """
     if not isinstance(z, Jet):
         return _summed(Jet([z]), size).c[0]
     one = 1 + 0 * z.c[0]

@@ -48,8 +48,8 @@ _MAX_CUTS = 40
 
 
 class PoincareSection(NamedTuple):
-    """A section with its Poincare map: its coordinates, and the symmetry applied after the
-    flight.
+    """A section of the state space with its Poincare map: the coordinates on the section, and the
+    symmetry that is applied after the flight.
     """
 
     zero: int  #: index of the component that is zero on the section
@@ -62,7 +62,9 @@ class PoincareSection(NamedTuple):
         return -1 if self.laps == 2 else 1
 
     def level(self) -> Any:
-        """Return the value of the component ``zero`` at which the flight ends."""
+        """Return the value at which a flight ends of the component that is zero at its start: 0 or
+        2 pi.
+        """
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
@@ -77,10 +79,10 @@ HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 @dataclass(frozen=True)
 class Return:
-    """The proved properties of all orbits from a box on a section.
+    """The result of following all orbits from a box on a section until they return to the section.
 
-    The other members have a meaning only if the status is RETURNED.
-    The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
+    The other members have a meaning only if the status is RETURNED. The coordinates x are
+    (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
     status: FlowStatus
@@ -144,7 +146,11 @@ def return_map(
 
 
 class SectionCase(Enum):
-    """The cases of the module's docstring for one step."""
+    """The cases that are distinguished for the orbits in one step: no section, a turn, or a
+    crossing.
+
+    The module's docstring has the conditions.
+    """
 
     ON = "they fall, or after the turn rise, and do not reach the section"
     TURNS = "they turn"
@@ -152,7 +158,7 @@ class SectionCase(Enum):
 
 
 class Round(NamedTuple):
-    """The proved properties of one step that was tried."""
+    """The result of one step that was tried on the way to the section."""
 
     length: float  #: of the step [s]
     upright: bool  #: the disk does not lie flat
@@ -228,7 +234,7 @@ class PoincareMap:
         return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
     def _turn(self, step: Step) -> bool:
-        """Enclose the moment in the step at which v is 0, and store beta_bar there.
+        """Enclose the moment in the step at which v is 0, and store the beta_bar of that moment.
 
         Returns False if the moment cannot be enclosed.
         """

@@ -100,7 +100,9 @@ class Step:
         return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
-        """Return the integral of div f from the step's start to ``time``."""
+        """Return the integral of div f, the field's divergence, from the step's start
+        to ``time``.
+        """
         return polynomial(self.derivatives[-1], rough(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
@@ -140,7 +142,9 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 
 
 class Trial:
-    """The series of all orbits from a path's place to chosen orders, on which lengths are tried."""
+    """The Taylor series of all orbits from a path's current set of states, on which step lengths
+    are tried.
+    """
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:
         self.path, self.orders, model = path, orders, path.model
@@ -241,7 +245,7 @@ def _from_zero(length: Any) -> Any:
 
 
 def _pad(part: Any) -> Any:
-    """Return the amount by which a range is padded: not zero, even for a range without width."""
+    """Return the amount by which to widen a ball ``part`` on both sides, which is never zero."""
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (

@@ -92,7 +92,9 @@ _MIN_DIGITS = 4  # an interval for fewer digits is too wide to be followed past 
 
 
 class ConnectionStatus(Enum):
-    """The ways in which the proof can end; each value is a message with what to try next."""
+    """The ways in which a proof of the heteroclinic connection can end; each value is a message
+    with what to try next.
+    """
 
     PROVED = "proved"
     NO_SADDLE = "there is no connection of saddles to prove"
@@ -108,8 +110,10 @@ class ConnectionStatus(Enum):
 
 
 class UniquenessBox(NamedTuple):
-    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad,
-    rad/s].
+    """A box about the second saddle, given by its half-lengths.
+
+    It consists of the states with |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <=
+    ``v`` [rad, rad, rad/s].
     """
 
     beta: Fraction
@@ -165,7 +169,9 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate; it needs a proof."""
+        """The claim of the certificate about Omega_h, as a dictionary. It exists only if the proof
+        succeeded.
+        """
         assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
@@ -184,7 +190,10 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def limit_cycle(self) -> str | None:
-        """The conclusion of Shilnikov's theorem; None if one of its hypotheses is not proved."""
+        """The conclusion of Shilnikov's theorem about the limit cycle next to Omega_h, in words.
+
+        It is None if one of the theorem's hypotheses is not proved.
+        """
         value = self.saddle_value
         if not (
             self.proved
@@ -319,7 +328,8 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
 def series_of_curve(
     saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
 ) -> ManifoldGraph:
-    """Return the power series of an invariant curve at the middle speed, as a polynomial graph.
+    """Return the power series of an invariant curve of the saddle at the middle speed, as a
+    polynomial graph.
 
     ``along`` is the index of the coordinate that parametrises it, and ``values`` are points near
     the eigenvalues [1/s].
@@ -341,7 +351,10 @@ def series_of_curve(
 
 
 class _ConnectionSearch(Proposer):
-    """The proposer of one pass over an interval of speeds, at one working precision."""
+    """The search for the choices with which the kernel proves one interval of Omega_h.
+
+    It belongs to one interval of speeds and one working precision.
+    """
 
     #: The status of a failure, by the choice made last
     _STAGES: ClassVar = {
@@ -367,7 +380,10 @@ class _ConnectionSearch(Proposer):
         self.small = half_width * share
 
     def stopped(self, fault: Unproved) -> ConnectionStatus:
-        """Return the status of the stage at which the kernel or the search gave up."""
+        """Return the status that names the stage at which the proof of the connection failed.
+
+        ``fault`` is the error by which the kernel or the search gave up.
+        """
         if isinstance(fault, Stopped):
             return ConnectionStatus(fault.status)
         return (

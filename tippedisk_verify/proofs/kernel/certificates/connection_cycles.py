@@ -365,7 +365,11 @@ class LoopMap:
         require_positive("7a.1: orbits enter N and leave it", entering[S], speed)
 
         def after_round(d: Sequence[Any]) -> list[Any]:
-            """Return upper bounds of |d_u| and |d_f| after one round, for a variation ``d``."""
+            """Return upper bounds of |d_u| and |d_f| when an orbit returns to D after one round of
+            the loop.
+
+            ``d`` is the variation (d_u, d_s, d_f) of its start in D.
+            """
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
@@ -531,7 +535,15 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextT
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters."""
+    """Return the theorem that a certificate claims about the limit cycles next to the heteroclinic
+    connection, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
         f" let gamma be a real number, not an angle; let P be the half map from the section beta = "

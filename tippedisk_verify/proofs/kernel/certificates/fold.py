@@ -49,9 +49,9 @@ def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
 
 
 def slope(fixed: FixedPoints) -> Any:
-    """Return a ball of dOmega/dp, the speed's slope along the curve of fixed points of a test.
+    """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
-    p is the first coordinate on the section.
+    p is the first coordinate on the section, and Omega the speed at which it belongs to a cycle.
     """
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
@@ -123,7 +123,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Replay the proof of a fold with the recorded choices.
+    """Check a certificate about a fold: repeat the proof with the choices that it records.
 
     Args:
         claim: The claim, as read from the file.
@@ -146,7 +146,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters, in one sentence."""
+    """Return the theorem that a certificate claims about a fold of limit cycles, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"

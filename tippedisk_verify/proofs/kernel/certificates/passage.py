@@ -321,9 +321,10 @@ class Passage:
         )
 
     def at_crossing(self, row: int) -> Any:
-        """Return an enclosure of y_row / z_u where beta_bar = 0 in the thin set.
+        """Return an enclosure of y_row / z_u where an orbit in the thin set crosses beta_bar = 0.
 
         y = (beta_bar, y_g, v) is the offset from the saddle, so row 1 is gamma's and row 2 is v's.
+        z_u is the coordinate along the unstable direction.
         """
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
@@ -345,7 +346,8 @@ class Passage:
         )
 
     def rates(self, z: Sequence[Any]) -> list[Any]:
-        """Return an enclosure of the field F over a box of z.
+        """Return an enclosure of the field F, the rates z', over a box of coordinates z about the
+        saddle.
 
         It is the mean value form about the box's midpoint.
         """
@@ -356,17 +358,20 @@ class Passage:
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
-        """Return a time [s] during which orbits that start close to the stable manifold stay in N.
+        """Return a lower bound [s] of the time that orbits starting close to the stable manifold
+        stay in the box N about the saddle.
 
-        They start at most ``distance`` below its graph, measured along z_u.
+        They start at most ``distance`` below the manifold's graph, measured along z_u.
         """
         u, s, t = self.extents
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
     def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """Return upper bounds of |z_s| and |z_f| after ``time`` [s] in N.
+        """Return upper bounds of |z_s| and |z_f| of orbits that have been in the box N for ``time``
+        [s].
 
-        ``slow`` and ``fast`` are bounds of |z_s| and |z_f| at the start.
+        z_s and z_f are the coordinates along the two stable directions of the saddle. ``slow`` and
+        ``fast`` are bounds of |z_s| and |z_f| at the start.
         """
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
         return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
@@ -386,9 +391,11 @@ class Passage:
         )
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """Return upper bounds of |b_us| and |b_uf| after ``time`` [s] in N.
+        """Return upper bounds of |b_us| and |b_uf|, entries of the second compound, after ``time``
+        [s] in N.
 
-        ``b`` is the second compound (b_us, b_uf, b_sf) of the field and a variation at the start.
+        ``b`` holds the entries (b_us, b_uf, b_sf) at the start: the 2 x 2 minors of the field and a
+        variation of the orbit. N is the box about the saddle.
         """
         k_1, k_2 = self.compound
         size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
@@ -402,7 +409,8 @@ class Passage:
         ]
 
     def ratio(self, time: Any) -> Any:
-        """Return an upper bound of |b_uf| / b_us after ``time`` [s] in N.
+        """Return an upper bound of |b_uf| / b_us, a ratio of entries of the second compound, after
+        ``time`` [s] in the box N.
 
         The second compound b starts in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, and stays
         in it.
@@ -476,7 +484,7 @@ def arrivals(
 
 
 class _Axes:
-    """The source of the axes of sets of states, which follow a fixed rule.
+    """A rule for the axes of sets of states in flights, in place of a search.
 
     The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
@@ -485,7 +493,7 @@ class _Axes:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
 
     def took(self, *_: Any) -> None:
-        """Do not record the step."""
+        """Do nothing: the steps of these flights are not recorded."""
 
 
 def _all(what: str, *verified: NDArray[np.bool_]) -> None:

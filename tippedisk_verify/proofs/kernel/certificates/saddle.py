@@ -196,10 +196,10 @@ class _Beyond:
 
 
 class SaddleCoordinates:
-    """The coordinates z about a saddle and the field in them, for exact parameters and a ball of
-    speeds.
+    """The coordinates z about a saddle, z = P^-1 (offset from the saddle), and the field in them.
 
-    Raises Unproved if the matrix of directions has no inverse.
+    The disk's parameters are exact, and the speeds are those of a ball. Raises Unproved if the
+    matrix P of directions has no inverse.
     """
 
     def __init__(
@@ -218,15 +218,19 @@ class SaddleCoordinates:
         self.constants = constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
-        """Return the offset y = P z from the saddle, in (beta_bar, gamma_bar, v)."""
+        """Convert coordinates z about the saddle to the offset y = P z in (beta_bar,
+        gamma_bar, v).
+        """
         return _times(self.directions, z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
-        """Return the coordinates z = P^-1 y of an offset y from the saddle."""
+        """Convert an ``offset`` y from the saddle, in (beta_bar, gamma_bar, v), to coordinates z =
+        P^-1 y.
+        """
         return _times(self.inverse, offset)
 
     def arrived(self, state: Sequence[Any]) -> list[Any]:
-        """Return the coordinates z, about the second saddle, of (beta_bar, gamma_bar, v)."""
+        """Convert a state (beta_bar, gamma_bar, v) to the coordinates z about the second saddle."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
     def law(self, side: int | None) -> Any:
@@ -249,7 +253,11 @@ class SaddleCoordinates:
         return in_z
 
     def rates(self, z: Sequence[Any], side: int | None = None) -> list[Any]:
-        """Return the rates z' = F(z) at balls, or series of balls, z."""
+        """Return the rates z' = F(z) of the coordinates about the saddle, for balls or series of
+        balls z.
+
+        ``side`` is the sign of gamma_y whose analytic law is meant; None is the law itself.
+        """
         return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
 
     @property
@@ -286,7 +294,9 @@ class SaddleCoordinates:
         return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
 
     def sliding_slope(self, z: Sequence[Any], direction: Sequence[Any]) -> Any:
-        """Return the derivative of gamma_y [m/s] along a direction, over a box of z."""
+        """Return the derivative of the sliding velocity gamma_y [m/s] along a direction, over a box
+        of z.
+        """
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
@@ -332,7 +342,9 @@ class SaddleCoordinates:
         ]
 
     def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return P^-1 times a matrix: its columns, offsets from the saddle, in coordinates z."""
+        """Convert the columns of a matrix, offsets from the saddle, to coordinates z. Return P^-1
+        times the matrix.
+        """
         return [
             list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)
         ]
@@ -361,14 +373,20 @@ class ManifoldGraph:
         require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
-        """Return W(theta), the other two coordinates, at a number, ball or series."""
+        """Return W(theta): the other two coordinates of the curve's point with the coordinate
+        theta.
+
+        theta is a number, a ball or a series.
+        """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
             return [_horner(row, theta) for row in self.graph]
         values = [_horner(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
-        """Return the derivatives W'(theta) of both polynomials at a number, ball or series."""
+        """Return the derivatives W'(theta) of the curve's two polynomials at a number, ball or
+        series.
+        """
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
@@ -376,23 +394,30 @@ class ManifoldGraph:
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
-        """Return z = (theta, W(theta) + w), with the components in the order u, s, f."""
+        """Return the point z = (theta, W(theta) + w) at an offset w from the curve.
+
+        Its components are in the order u, s, f: unstable, slow stable and fast stable direction.
+        """
         z = [theta] * 3
         for other, value, off in zip(self.others, self.at(theta), w, strict=True):
             z[other] = value + off
         return z
 
     def straightened(self, z: Sequence[Any]) -> list[Any]:
-        """Return w, the offset of a point z from the curve in the other two coordinates."""
+        """Return the offset w of a point z from the curve, in the two coordinates other
+        than theta.
+        """
         return [
             z[other] - value
             for other, value in zip(self.others, self.at(z[self.along]), strict=True)
         ]
 
     def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
-        """Return J, the 2 x 2 matrix by which the offset w from the curve moves: w' = D + J w.
+        """Return the 2 x 2 matrix J by which the offset w of an orbit from the curve moves: w' = D
+        + J w.
 
-        ``matrix`` encloses the derivative DF of the field, and ``theta`` is a ball.
+        D is the curve's defect of invariance. ``matrix`` encloses the derivative DF of the field,
+        and ``theta`` is a ball.
         """
         return [
             [matrix[row, column] - slope * matrix[self.along, column] for column in self.others]
@@ -400,7 +425,9 @@ class ManifoldGraph:
         ]
 
     def steepness(self, theta: Any) -> list[Any]:
-        """Return W(theta) / theta over a ball, which may hold 0."""
+        """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
+        that may contain 0.
+        """
         return [_horner(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
@@ -419,7 +446,11 @@ class ManifoldGraph:
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
     def defect(self, theta: Any, order: int) -> list[Any]:
-        """Return D(theta + x), the curve's defect of invariance, as two series in x to x^order."""
+        """Return the curve's defect of invariance D(theta + x), as two power series in x up to
+        x^order.
+
+        D is the amount by which the field at a point of the curve is not tangent to the curve.
+        """
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
             flow = self.saddle.rates(self.point(variable), self.side)
