@@ -74,8 +74,10 @@ def rotating_below(
 def _next_to_omega_h(
     section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int
 ) -> C:
-    """Return the cycle at a distance from Omega_h, on the piece of the section's family that ends
-    there.
+    """Return the limit cycle at a distance from Omega_h, to ``digits`` significant digits.
+
+    It is on the piece of the family that ends at Omega_h: librating cycles above, stable rotating
+    ones below, as the section tells.
     """
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")

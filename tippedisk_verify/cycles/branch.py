@@ -89,7 +89,9 @@ _MIN_FOR_LANES = 100
 
 @dataclass(frozen=True, repr=False)
 class SpecialPoint(Printable):
-    """A point at which a piece of the family of limit cycles begins or ends."""
+    """A point at which a piece of the family of limit cycles begins or ends, with its name and
+    numbers.
+    """
 
     name: str  #: ``Omega_crit`` (the Hopf point), ``fold 1``, ``fold 2``, ... or ``Omega_h``
     omega: Measured = field(metadata=quantity("the speed there", "rad/s"))
@@ -285,10 +287,12 @@ class Branch(Printable):
         )
 
     def _lines(self, name: str) -> Iterator[tuple[str, str, tuple[list[float], list[float]]]]:
-        """Yield the line style, the label and the points of each stretch of one stability.
+        """Yield the lines of a plot: for each stretch of cycles of one stability its style, label
+        and points.
 
-        The stretches meet in the special points between their cycles. A line begins in the Hopf
-        point if that is no farther away than the cycles are from each other.
+        ``name`` is the number that is plotted against the speed. The stretches meet in the special
+        points between their cycles. A line begins in the Hopf point if that is no farther away than
+        the cycles are from each other.
         """
         heights = numpy.sort(self.gamma_bar_0[numpy.isfinite(self.gamma_bar_0)])
         reach = numpy.diff(heights).max(initial=0.0)
@@ -312,8 +316,9 @@ class Branch(Printable):
         return {"orbits": as_json(self.cycles)}
 
     def _rows(self) -> list[list[str]]:
-        """Return rows of text: a heading and the numbers of the first and last cycles, at most ten
-        rows.
+        """Return rows of text for a table: a heading and the numbers of the first and last cycles.
+
+        There are at most ten rows.
         """
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN]
@@ -332,13 +337,17 @@ class Branch(Printable):
         return "\n".join([f"Branch{whose}: {len(cycles)} limit cycles{without}", *lines])
 
     def _repr_html_(self) -> str:
-        """Return a table, for notebooks."""
+        """Return an HTML table of the first and last cycles, for notebooks."""
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._rows())
         return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
 
 
 def _abscissa(place: LimitCycle | SpecialPoint) -> float:
-    """Return gamma_bar_0 [rad], which rises along the family, whatever the order of the speeds."""
+    """Return the number by which a family is ordered: gamma_bar_0 [rad] of a cycle or special
+    point.
+
+    It rises along the family, whatever the order of the speeds.
+    """
     return float(place.gamma_bar_0)
 
 
@@ -360,7 +369,7 @@ def found(rows: Iterable[C | MissingCycle]) -> list[C]:
 
 
 def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
-    """Return the rows if any of them is a cycle.
+    """Return the rows as a list, unless all are missing cycles.
 
     Args:
         rows: Cycles and missing cycles.
@@ -457,11 +466,11 @@ def _at(
     singly: Callable[[Fraction], list[C]],
     speeds: Sequence[Fraction],
 ) -> Iterator[C | MissingCycle]:
-    """Yield all cycles of a kind at these speeds.
+    """Yield all limit cycles of a kind at given speeds.
 
     Many speeds of the linear law are solved as doubles, in lanes of the Taylor engine. A speed
-    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone. A speed without a cycle gives
-    a `MissingCycle`, and the others go on.
+    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone, by ``singly``. A speed
+    without a cycle gives a `MissingCycle`, and the others go on.
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
@@ -489,7 +498,8 @@ def _at(
 
 
 def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
-    """Yield cycles along the family, closer together towards the ends of its pieces.
+    """Yield librating limit cycles along the whole family, closer together towards the ends of its
+    pieces.
 
     They stay a thousandth of a piece, or as far as doubles need, from its ends. A piece that is too
     short for that is left out.
@@ -508,7 +518,8 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
 def _piece(
     disk_locator: Locator, piece: int, count: int, half_widths: bool
 ) -> Iterator[LimitCycle]:
-    """Yield ``count`` cycles on a piece of the family, closer together towards its ends.
+    """Yield ``count`` librating limit cycles on one piece of the family, closer together towards
+    its ends.
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """

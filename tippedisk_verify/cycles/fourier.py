@@ -50,7 +50,9 @@ _MIN_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harm
 
 
 def _on_arrays(ctx: Any) -> SimpleNamespace:
-    """Return an mpmath context's functions, for arrays of its numbers."""
+    """Return the functions of an mpmath context in a form that takes arrays of the context's
+    numbers.
+    """
     return SimpleNamespace(
         **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTIONS}
     )
@@ -75,7 +77,9 @@ class Kind(Enum):
 
 
 class Collocation:
-    """The collocation equations of a cycle at n samples, in double or in mpmath numbers.
+    """The collocation equations of a limit cycle at n samples, in double or in mpmath numbers.
+
+    Their unknown is a point (n + 2,): beta_bar at the samples, the frequency and Omega.
 
     Args:
         parameters: The disk, under an analytic friction law.
@@ -108,7 +112,9 @@ class Collocation:
         return Collocation(self.parameters, self.kind, self.count)
 
     def number(self, value: Any) -> Any:
-        """Convert a rational, or the numbers of another arithmetic, to this one."""
+        """Convert a rational number, or an array of numbers of another arithmetic, to this
+        arithmetic.
+        """
         if isinstance(value, Fraction):
             return float(value) if self.ctx is None else quotient(self.ctx, value)
         return (
@@ -118,11 +124,13 @@ class Collocation:
         )
 
     def differentiated(self, samples: Any) -> Any:
-        """Return the derivative of a function with respect to the angle, at the samples."""
+        """Return the derivative of a periodic function with respect to the angle, at the samples,
+        from its values there.
+        """
         return self._applied(self.slope, samples)
 
     def _applied(self, rows: Any, samples: Any) -> Any:
-        """Return a matrix times samples of order one.
+        """Return the product of a matrix and a vector of samples, whose entries are of order one.
 
         Above double the product is in whole numbers, which are far faster than mpmath's.
         """
@@ -141,14 +149,18 @@ class Collocation:
         return (self._weights * samples).sum() / self._weights.sum()
 
     def motion(self, point: Any) -> tuple[Any, Any]:
-        """Return gamma_bar [rad] and v [rad/s] at the samples."""
+        """Return gamma_bar [rad] and v [rad/s] at the samples, from beta_bar there, the frequency
+        and Omega (the ``point``).
+        """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         swing = omega / frequency * self._applied(self.integral, self.sin(beta))
         return self._growth + swing, frequency * self.differentiated(beta)
 
     def residual(self, point: Any) -> Any:
-        """Return v' less the acceleration at the samples [rad/s^2], and the closing equation: (n +
-        1,).
+        """Return the residuals (n + 1,) of the collocation equations at a point; they are zero for
+        a limit cycle.
+
+        They are v' less the acceleration at the samples [rad/s^2], and the closing equation.
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
@@ -165,7 +177,8 @@ class Collocation:
         return by_beta, by_gamma, by_v
 
     def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
-        """Return the derivatives of gamma and v (n,) in a direction, at fixed Omega.
+        """Return the derivatives of gamma and v (n,) at the samples when a point moves in a
+        direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).

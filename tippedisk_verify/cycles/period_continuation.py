@@ -74,7 +74,9 @@ def cycle_at_half_period(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> PeriodPoint:
-    """Solve for (gamma_bar_0, v_0, Omega) at a half period, by Newton's iteration.
+    """Solve for the librating limit cycle with a given half period, by Newton's iteration.
+
+    The unknowns are (gamma_bar_0, v_0, Omega).
 
     Args:
         parameters: The disk and its friction law.
@@ -191,7 +193,8 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float
 
 # ---------------------------------------------------------------------------------------- the limit
 class PeriodAsymptotics:
-    """The three-term law of Omega(T) through two cycles.
+    """The asymptotic law of the speed Omega(T) of librating cycles, with three terms that are
+    fitted to two cycles.
 
     Args:
         parameters: The disk and its friction law.
@@ -224,7 +227,8 @@ class PeriodAsymptotics:
         self.omega_h = fraction(mpf(second.omega) - self._c - self._b)
 
     def half_period(self, above: Fraction) -> Fraction:
-        """Return T / 2 [s] of the cycle at a distance from Omega_h.
+        """Return half the period T / 2 [s] of the cycle at a distance from Omega_h, by the
+        asymptotic law.
 
         Args:
             above: Omega - Omega_h [rad/s]; negative below Omega_h.
@@ -248,7 +252,7 @@ class PeriodAsymptotics:
 
 
 class PeriodContinuation:
-    """The family followed towards Omega_h, cycle by cycle, with the present estimate of its limit.
+    """The librating family followed towards Omega_h, cycle by cycle, with an estimate of Omega_h.
 
     Args:
         parameters: The disk and its friction law.
@@ -286,8 +290,8 @@ class PeriodContinuation:
         return self.points[-1]
 
     def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:
-        """Return a row for each cycle: Omega - Omega_h [rad/s], the period [s], and a ratio of
-        slopes.
+        """Return a row for each cycle, to compare the periods with their law: Omega - Omega_h
+        [rad/s], the period [s], and a ratio of slopes.
 
         The ratio is the slope of T over that of the law
 
@@ -313,7 +317,8 @@ class PeriodContinuation:
         return fraction(self.latest.omega) - self.asymptotics.omega_h
 
     def further(self, least: Fraction) -> None:
-        """Add one more cycle, as far ahead as the law allows.
+        """Compute one more cycle of the family, as much closer to Omega_h as the law predicts
+        reliably.
 
         Args:
             least: The least distance of the cycle from Omega_h [rad/s].

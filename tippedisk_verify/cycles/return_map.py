@@ -40,8 +40,8 @@ _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a
 
 
 class Image(NamedTuple):
-    """The image of a point under the return map P, with P's derivatives with respect to the
-    coordinates and Omega.
+    """The image of a point of the section under the return map P, with P's derivatives with respect
+    to the coordinates and Omega.
     """
 
     time: Any  #: flight time [s]
@@ -53,9 +53,8 @@ class Image(NamedTuple):
     flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
     def newton_step(self, held: FixedQuantity = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
-        """Return the step of both coordinates and Omega after which the map returns to the start.
-
-        The step is exact to first order.
+        """Return the Newton step of both coordinates and Omega after which the point is a fixed
+        point, to first order.
 
         Args:
             held: The quantity that the step holds.
@@ -143,11 +142,11 @@ class ReturnMap(Generic[C]):
         self._requests: dict[tuple[Event, ...], Request] = {}
 
     def within(self, precision: Precision) -> ReturnMap[C]:
-        """Return the same map in another arithmetic."""
+        """Return the same return map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
 
     def at_speed(self, omega: Any) -> ReturnMap[C]:
-        """Return the map at another speed [rad/s]."""
+        """Return the return map of the same disk at another speed [rad/s]."""
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
@@ -166,7 +165,8 @@ class ReturnMap(Generic[C]):
         return self._run(point, rounding, self.section.recorded, divergence=True)
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
-        """Return the image of a point, by the variational equations.
+        """Return the image of a point under the return map, with derivatives by the variational
+        equations.
 
         Args:
             point: Both coordinates on the section.
@@ -206,7 +206,7 @@ class ReturnMap(Generic[C]):
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """Return the coordinates of the image less those of the point.
+        """Return the coordinates of a point's image under the return map, less those of the point.
 
         Args:
             end: The state (3,) in which the flow arrives.

@@ -159,7 +159,11 @@ def _derivatives(
     share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
 
     def numbers(moved: str, shift: Fraction) -> dict[str, Fraction]:
-        """Return the numbers and residuals with one coordinate or parameter moved."""
+        """Return the cycle's numbers and the map's residuals, by name, with one coordinate or
+        parameter moved.
+
+        ``moved`` is its name, and ``shift`` the amount.
+        """
         at = {**values, moved: values[moved] + shift}
         disk = cycle.parameters.changed(**{symbol: at[symbol] for symbol in SYMBOLS})
         return_map = ReturnMap(section, disk, at["omega"], own.engine, precision)

@@ -67,7 +67,8 @@ def not_converged_error(samples: int) -> NoSuchCycleError:
 
 
 def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
-    """Solve for the cycle in the plane through ``start`` with the given normal.
+    """Solve the collocation equations for the limit cycle in the plane through ``start`` with the
+    given normal.
 
     Args:
         a: The collocation, in double.
@@ -123,7 +124,7 @@ def _solved(
 
 # -------------------------------------------------------------------------------------------- folds
 def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
-    """Solve for a fold near a point.
+    """Solve the collocation equations for a fold of limit cycles near a point.
 
     Args:
         a: The collocation, in double.
@@ -221,8 +222,10 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 def _walk(
     parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
 ) -> Iterator[tuple[Any, bool]]:
-    """Yield the points of the branch from its first two on, folds included, each with True if the
-    speed turns there.
+    """Yield the points of a branch of limit cycles one after the other, folds included, from its
+    first two on.
+
+    Each point comes with True if the speed turns there.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of
     samples grows once the last harmonics are no longer small. The branch ends where its cycles
@@ -341,7 +344,8 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
 
 # ---------------------------------------------------------------------------------- rotating cycles
 def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
-    """Return the stable rotating cycle at a speed, or the unstable one.
+    """Return the stable or the unstable rotating limit cycle at a speed, as a point of the
+    collocation.
 
     Args:
         parameters: The disk, under the linear law.

@@ -68,7 +68,8 @@ def use_checked_cache(llvm_state: Any) -> None:
 
 
 def add_checksums(*, ending: bool = False) -> None:
-    """Add checksums to new entries if the cache has changed its size since the last call.
+    """Add checksums to new entries of the cache of compiled code, if the cache has changed its size
+    since the last call.
 
     Args:
         ending: True if the process is ending; the file is then always looked at.
@@ -84,10 +85,11 @@ def add_checksums(*, ending: bool = False) -> None:
 
 
 def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
-    """Add or check checksums, then note the file's state unless another process is changing it.
+    """Add or check checksums in the cache file of compiled code, then note the file's state.
 
-    A file that is not a cache is removed. No Python function is registered with SQLite, because it
-    would mistake a Ctrl-C in one for a fault of the file and hide it.
+    The state is not noted if another process is changing the file. A file that is not a cache is
+    removed. No Python function is registered with SQLite, because it would mistake a Ctrl-C in one
+    for a fault of the file and hide it.
     """
     before = _stamp(path)
     try:

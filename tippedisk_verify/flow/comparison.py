@@ -41,9 +41,10 @@ _MIN_RATE_IN_ROUNDINGS = 2**20
 
 
 def compared(engine: Engine, request: Request, result: Result) -> Result:
-    """Return the result with half-widths, from runs with at least 48 bits more.
+    """Return the result of a run with half-widths, measured by runs of the same request in a wider
+    arithmetic of at least 48 bits more.
 
-    They are infinite where rounding decides the outcome.
+    The half-widths are infinite where rounding decides the outcome.
 
     Args:
         engine: The engine of the wider runs.

@@ -185,7 +185,8 @@ SLIDING_REVERSAL = Event(
 
 @dataclass(frozen=True)
 class Request:
-    """A description of a run.
+    """A description of an integration of the motion: disk, speed, start, duration and what to
+    record.
 
     ``omega``, ``state`` and ``duration`` are numbers or texts that `model.exact.exact` accepts, so
     the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
@@ -279,7 +280,9 @@ class Request:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class EventRecord(Printable):
-    """One crossing: the event's name, the time [s] and the state, with any half-widths."""
+    """One recorded crossing of an event's surface: the event's name, the time [s] and the state,
+    with any half-widths.
+    """
 
     name: str
     time: Any
@@ -360,7 +363,7 @@ class Result(NamedTuple):
 
 
 class Engine(Protocol):
-    """A solver that answers requests."""
+    """The interface of an engine, which integrates the motion that a request describes."""
 
     @property
     def name(self) -> str:
@@ -368,17 +371,17 @@ class Engine(Protocol):
 
     @property
     def measures_error(self) -> bool:
-        """True if it answers requests for an error estimate, and does so in every precision."""
+        """True if the engine can give half-widths of its results, in every precision."""
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """The integrators that it has compiled and keeps."""
+        """The integrators that the engine has compiled and keeps."""
 
     def __hash__(self) -> int:
         """Return a hash by identity, which distinguishes engines."""
 
     def __call__(self, request: Request) -> Result:
-        """Integrate as requested.
+        """Integrate the motion that a request describes.
 
         Args:
             request: The run.

@@ -39,7 +39,8 @@ _MAX_PASSES = 64  # the number of events passed next to the start
 
 
 class Series:
-    """The polynomials of a run's steps, in the time since each step's start.
+    """The continuous output of a run: a polynomial for each step, in the time since the step's
+    start.
 
     A call converts times (k,) [s] to states (k, 3), exact to rounding. Threads may share a series,
     whereas heyoka's own continuous output hands out memory that its next call overwrites.
@@ -110,9 +111,11 @@ class Series:
 
 
 def _grid_of(request: Request, duration: Any) -> Any:
-    """Return a grid from 0 to the duration through a run's sample times, for heyoka to sample it.
+    """Return a grid of times from 0 to the duration, through a run's sample times, for heyoka to
+    sample.
 
-    None if the series of the steps are needed, or if the run may stop and go on at its start.
+    Returns None unless heyoka is to sample the run: it needs sample times, doubles and a duration
+    other than zero, and no events, continuous output or error estimate by the defect.
     """
     times = request.times
     if request.precision != DOUBLE or times is None or request.events or not duration:
@@ -281,7 +284,9 @@ class CompiledStepper:
         return self._result(request, status, steps)
 
     def _set_parameters(self, request: Request, omega: Any) -> None:
-        """Set the runtime parameters, unless they are those of the previous run."""
+        """Set the speed and the disk's constants in the compiled code, unless they are those of the
+        run before.
+        """
         if (
             omega is not self._speed
             or request.parameters is not self._parameters
@@ -296,7 +301,7 @@ class CompiledStepper:
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
     def _rewind(self, state: Sequence[Any]) -> None:
-        """Put the stepper at a start at time 0, and clear all records."""
+        """Reset the stepper to a given start at time 0, and clear the records of the run before."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
@@ -331,9 +336,10 @@ class CompiledStepper:
         return outcome, low, steps
 
     def _keeping(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
-        """Return a callback that appends the last step's series to ``kept``, unless it is there.
+        """Return a callback for heyoka that appends the series of the last step to ``kept``.
 
-        The callback returns True, so that the run continues.
+        A step that is there already is not appended again. The callback returns True, so that the
+        run continues.
         """
         rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
 
@@ -361,7 +367,8 @@ class CompiledStepper:
     def _set_off(
         self, start: Start, on: StartSurfaces, duration: Any
     ) -> tuple[Any, Any, int] | None:
-        """Move off the surfaces of the start, past the crossings that are the start itself.
+        """Move a run that starts on an event's surface off this surface, without recording the
+        start as a crossing.
 
         Rounding decides whether heyoka sees a crossing at the start, so the run must not depend on
         it. Where a function is zero to the last bit, heyoka sees no other crossing of it in its
@@ -390,7 +397,8 @@ class CompiledStepper:
         return (outcome, low, 1) if ended or (self._two_sided and self._branch.ended) else None
 
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
-        """Move to a time close to the start by the first step's series.
+        """Move from the start to a ``target`` time close to it by the first step's series. Return
+        True if that is done.
 
         This passes all events of the start's surfaces. Many small steps from event to event would
         not work: their changes of an angle are lost in its rounding.

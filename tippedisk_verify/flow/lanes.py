@@ -288,7 +288,9 @@ class _CompiledBatch:
         )
 
     def _propagated(self, pars: Array, states: Any, durations: Array, max_steps: int) -> Any:
-        """Run all lanes and return a mask (width,) of the lanes that reached their end."""
+        """Integrate the runs in all lanes, and return a mask (width,) of the lanes that reached
+        their end.
+        """
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
@@ -319,9 +321,10 @@ class _CompiledBatch:
         return record
 
     def _changer(self, change: Callable[[Any, int, int], None], coinciding: Sequence[Event]) -> Any:
-        """Return a callback that calls ``change`` and records the coinciding events.
+        """Return a callback for heyoka that calls ``change`` and records the coinciding events.
 
-        It is a bare function, because heyoka copies all other callables.
+        ``change`` switches the friction law's branch in one lane. The callback is a bare function,
+        because heyoka copies all other callables.
         """
         crossings = self._crossings
 

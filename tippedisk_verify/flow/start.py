@@ -76,7 +76,7 @@ class Start(NamedTuple):
         return field(self.ops, self.constants, self.omega, self.law)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
-        """Return the state to which a state moves in a short time, to second order.
+        """Return the state that a motion reaches from a state after a short time, to second order.
 
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
@@ -95,10 +95,11 @@ class Start(NamedTuple):
         return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
 
     def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
-        """Return how long a start on the event's surface lasts, and the function's value then.
+        """Return how long the orbit from a start on an event's surface stays on it to rounding, and
+        the event function's value after that time.
 
-        The start lasts until the function exceeds rounding. That takes longer where the orbit only
-        touches the surface. A crossing within this time is the start itself.
+        This takes longer where the orbit only touches the surface. A crossing within this time is
+        the start itself.
 
         Args:
             event: The event.
@@ -118,7 +119,7 @@ class Start(NamedTuple):
 
 
 class StartSurfaces(NamedTuple):
-    """The surfaces on which a start lies."""
+    """The surfaces on which a run's start lies: events whose functions are zero there."""
 
     names: tuple[str, ...]
     window: float = 0.0  #: the duration of its stay there [s]
@@ -153,10 +154,11 @@ def starts_on_a_surface(request: Request) -> bool:
 
 
 def surfaces(request: Request, start: Start) -> StartSurfaces:
-    """Return the surfaces on which the start of a run lies.
+    """Return the event surfaces on which the start of a run lies.
 
-    A start given by floats is rounded to a double in every arithmetic. sin(beta) = 0 counts only if
-    the domain is not checked; as the edge of the domain it always ends a run.
+    The surface of an event consists of the zeros of its function. A start given by floats is
+    rounded to a double in every arithmetic. sin(beta) = 0 counts only if the domain is not checked;
+    as the edge of the domain it always ends a run.
 
     Args:
         request: The run.

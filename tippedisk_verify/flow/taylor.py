@@ -87,7 +87,7 @@ class Taylor:
         return tuple(integrator.build for integrator in self._integrators.kept())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate as requested.
+        """Integrate the motion that a request describes, by Taylor series.
 
         Args:
             request: The run.
@@ -149,7 +149,9 @@ class Taylor:
 
 
 def _outside(request: Request, result: Result) -> bool:
-    """Return True if the end or a sample has sin(beta) <= 0."""
+    """Return True if the end or a sample of a run has sin(beta) <= 0, where the model does not
+    hold.
+    """
     if not result.status.usable or result.status is Status.FLAT:
         return False
     samples = (
