@@ -68,7 +68,9 @@ _IMPRECISE_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Grade(Printable):
-    """One answer compared with the truth for the inputs that it was computed from."""
+    """The grade of one answer: its comparison with the truth for the inputs from which it was
+    computed.
+    """
 
     id: str
     level: int
@@ -110,7 +112,9 @@ class Grade(Printable):
 
 @dataclass(frozen=True, repr=False)
 class Tally(Printable):
-    """The answers of one level, or those to one quantity of a level under one friction law."""
+    """A count of grades: of the answers of one level, or of those to one quantity of a level under
+    one friction law.
+    """
 
     level: int
     asked: int
@@ -203,7 +207,9 @@ class Tally(Printable):
 def digits_between(
     answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf
 ) -> float:
-    """Return -log10(|answer - truth| / scale), between -99 and ``most``.
+    """Return the number of digits to which an answer agrees with the truth.
+
+    It is -log10(|answer - truth| / scale), between -99 and ``most``.
 
     Args:
         answer: The answer.
@@ -287,7 +293,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
-    """Return True if the answer is the double nearest to the truth, written with 16 or 17 digits.
+    """Return True if an answer is the double nearest to the truth, written with 16 or 17 digits.
 
     The seventeenth digit of such a double may differ from the truth's.
     """

@@ -39,7 +39,7 @@ _MAX_ROWS = 2_000  # rows of a level on a page, failures first; the JSON contain
 
 @dataclass(frozen=True, repr=False)
 class Report(Printable):
-    """A graded sheet with its diagnosis and remarks."""
+    """The report on a sheet of answers: its grades, its diagnosis and remarks."""
 
     source: str
     answers: Answers
@@ -79,7 +79,7 @@ class Report(Printable):
         return next((level for level in self.levels if level.failed), None)
 
     def headline(self) -> str:
-        """Return the result in one sentence."""
+        """Return the result of the grading in one sentence."""
         if not self.grades:
             return "no question was answered"
         first = self.first_failure
@@ -115,7 +115,7 @@ class Report(Printable):
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
-        """Return remarks on the sheet itself, each in one line."""
+        """Return remarks on the sheet of answers itself, such as unknown ids, each in one line."""
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
@@ -185,7 +185,8 @@ class Report(Printable):
         )
 
     def _tolerance(self) -> list[str]:
-        """Return a remark for each level at which the tolerance of an integrator shows.
+        """Return remarks on levels at which a program's integration tolerance seems to limit its
+        digits.
 
         At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
         """
@@ -283,10 +284,10 @@ def shade(verdict: str) -> str:
 
 
 def shown_digits(digits: float) -> str:
-    """Return digits with one decimal, never "-0.0"; "" if they are not finite.
+    """Return a number of digits as text with one decimal, never "-0.0"; "" if it is not finite.
 
     Args:
-        digits: The digits.
+        digits: The number of digits.
     """
     return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
 
@@ -439,9 +440,10 @@ def html_page(report: Report) -> str:
 
 
 def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
-    """Return the grades of a level by name, as the page shows them.
+    """Return the parts of the HTML page about one level, by name.
 
-    They are its tally, its failures, its other answers, and the number of rows beyond the limit.
+    They are the level's tally, its failures, its other answers, and the number of rows beyond the
+    limit.
     """
     own = sorted(
         (grade for grade in grades if grade.level == level.level),

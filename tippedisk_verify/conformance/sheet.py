@@ -68,7 +68,9 @@ _MAX_STRANGE = 20  # names that are listed
 
 @dataclass
 class Answers:
-    """The answers of a sheet, by id as (reading, text), and the parts that could not be used."""
+    """The answers that were read from a sheet, by id as (reading, text), and the parts that could
+    not be used.
+    """
 
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
@@ -151,7 +153,8 @@ def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
-    """Return the sheet as CSV. Where only decimals make sense, the column ``from`` is filled in.
+    """Return a sheet of questions as CSV text. Where only decimals make sense, the column ``from``
+    is filled in.
 
     Args:
         store: The questions with their parameters.
@@ -162,7 +165,7 @@ def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
 
 
 def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
-    """Return the sheet as JSON, one question to a line.
+    """Return a sheet of questions as JSON text, one question to a line.
 
     Args:
         store: The questions with their parameters.
@@ -175,7 +178,8 @@ def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
 def store_for(
     path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
 ) -> Store:
-    """Return the store with the truths of the fresh questions that a sheet names.
+    """Return the store of questions, extended by the truths of the fresh questions that a sheet
+    names.
 
     Args:
         path: The sheet.
@@ -458,7 +462,8 @@ def _without_missing(answers: Answers) -> Answers:
 
 
 def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
-    """Return the name of the first column that differs from the question; None if none does.
+    """Return the name of the first column in which a row of a sheet differs from the question; None
+    if there is no difference.
 
     A number may be written in another way, such as with a decimal comma.
 

@@ -238,8 +238,8 @@ def _narrowed(
 
     Args:
         passes: Returns True for a speed at which the branch passes the next saddle.
-        lower: A speed at which it does.
-        upper: A speed at which it does not.
+        lower: A speed at which the branch passes.
+        upper: A speed at which the branch turns back.
     """
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
         lower, upper = (middle, upper) if passes(middle) else (lower, middle)

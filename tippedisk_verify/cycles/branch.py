@@ -346,7 +346,7 @@ def _abscissa(place: LimitCycle | SpecialPoint) -> float:
     """Return the number by which a family is ordered: gamma_bar_0 [rad] of a cycle or special
     point.
 
-    It rises along the family, whatever the order of the speeds.
+    It rises along the family, even where the speeds do not.
     """
     return float(place.gamma_bar_0)
 

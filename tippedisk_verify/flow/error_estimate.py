@@ -251,7 +251,7 @@ class _Run:
 
         Args:
             fewer: The number of collocation nodes of a second evaluation, which measures the error
-                of the first. 0 if there is none, and stricter limits hold.
+                of the first. 0 if only one evaluation is made; then stricter limits hold.
         """
         defect = self._defect
         if fewer:

@@ -114,8 +114,9 @@ def _grid_of(request: Request, duration: Any) -> Any:
     """Return a grid of times from 0 to the duration, through a run's sample times, for heyoka to
     sample.
 
-    Returns None unless heyoka is to sample the run: it needs sample times, doubles and a duration
-    other than zero, and no events, continuous output or error estimate by the defect.
+    Returns None unless heyoka is to sample the run. That is a run in doubles with sample times and
+    a duration other than zero. It has no events, no continuous output and no error estimate by the
+    defect.
     """
     times = request.times
     if request.precision != DOUBLE or times is None or request.events or not duration:

@@ -48,7 +48,7 @@ def equations(p, Omega, smooth, beta, gamma, v):
 
 
 def quotient_rate(dforce, dM, M, v_rate):
-    """Return the derivative of v' = force / M."""
+    """Return the derivative of v' = force / M, from the derivatives of force and M."""
     return (dforce - dM * v_rate) / M
 
 
@@ -199,7 +199,10 @@ def critical_speed(p):
 
 
 def hopf_eigenvectors(p, Omega, omega):
-    """Return the eigenvector q of i omega, |q| = 1, and the adjoint p_star with p_star q = 1."""
+    """Return the eigenvector q of the linearised motion to the eigenvalue i omega, and the adjoint.
+
+    q| = 1, and the adjoint p_star has p_star q = 1.
+    """
     A_31, A_32, A_33 = linearisation(p, Omega, 1)[:, 2].T
     q = np.array([1j * omega, Omega, -(omega**2)])
     q = q / sqrt(sum(abs(q) ** 2))
@@ -247,7 +250,9 @@ def cubic_terms(p, Omega, q):
 
 
 def eigenvalue_rate(p, Omega, q, p_star):
-    """Return d(lambda)/dOmega of the pair, from the matrix's derivative with respect to Omega."""
+    """Return d(lambda)/dOmega of the critical eigenvalues, from the matrix's derivative with
+    respect to Omega.
+    """
     A_32 = linearisation(p, Omega, 1)[:, 2, 1]
     dA_21 = 1
     dA_31 = -2 * Omega
@@ -363,9 +368,10 @@ def derivative_gamma(series):
 
 
 def manifold_terms(p, Omega, beta, gamma, size):
-    """Return the series in M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon.
+    """Return the series in beta and gamma of the terms of the equation of motion of v.
 
-    The last one returned is cos(beta).
+    The equation is M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon. The last series
+    returned is cos(beta).
     """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -397,7 +403,10 @@ def manifold_terms(p, Omega, beta, gamma, size):
 
 
 def slow_manifold_orders(p, Omega, beta, gamma, last):
-    """Return the series of h_0 ... h_last; epsilon^n in the invariance equation gives h_n."""
+    """Return the series in beta and gamma of the slow manifold's orders h_0 ... h_last.
+
+    The order epsilon^n of the invariance equation gives h_n.
+    """
     M, free, linear, square, drag, h_0, cos_beta = manifold_terms(p, Omega, beta, gamma, last + 2)
     h = [h_0]
     for n in range(1, last + 1):

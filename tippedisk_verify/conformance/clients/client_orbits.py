@@ -41,7 +41,9 @@ LONGEST = 2.8
 
 
 def runge_kutta_step(rates, p, Omega, smooth, state, h):
-    """Return the state after one step of length h, which may differ between the entries."""
+    """Return the states after one Runge-Kutta step of length h, which may differ between the
+    entries.
+    """
     slopes = np.empty((len(TABLEAU), state.size))
     stage = state
     for i, row in enumerate(TABLEAU):
@@ -79,7 +81,7 @@ def variational_flow(p, Omega, smooth, state):
 
 
 def flight_step(rates, p, Omega, smooth, state, h):
-    """Return the state after a step, taken in two parts where gamma_y passes zero.
+    """Return the states after a Runge-Kutta step, taken in two parts where gamma_y passes zero.
 
     There the second derivative of the smooth law jumps.
     """
@@ -110,9 +112,10 @@ def flight_step(rates, p, Omega, smooth, state, h):
 
 
 def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLIGHT_STEP):
-    """Return time and state where a function of the state passes zero, upward for sign 1.
+    """Integrate until a function of the state passes zero, upward for sign 1. Return the time and
+    the state.
 
-    They are NaN where it never does.
+    They are NaN where the function never passes zero.
     """
     before, time = np.full_like(state, np.nan), np.full(Omega.shape, np.nan)
     for k in range(int(longest / h)):
@@ -170,7 +173,8 @@ SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
 
 def section_state(Omega, index, x, v):
-    """Return a state on a section with its variations.
+    """Return an orbit's start on a section, a state with its variations and the divergence's
+    integral.
 
     x is gamma - pi/2 for index 0, beta - pi/2 for index 1.
     """

@@ -71,7 +71,7 @@ _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
 def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values:
-    """Return the values of definitions for the inputs of a table's entries.
+    """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
         definitions: The definitions by name.
@@ -412,10 +412,11 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 
 # ---- the searches
 def problems(table: Table, base: Values) -> list[Problem]:
-    """Return a problem for each quantity of a table that can be searched alone.
+    """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
-    They are in the order of the equations. A problem uses the answers to other quantities where its
-    definition contains these, so that their mistakes do not count again.
+    A problem has the answers to one quantity and its definition. They are in the order of the
+    equations. A problem uses the answers to other quantities where its definition contains these,
+    so that their mistakes do not count again.
 
     Args:
         table: The table.
@@ -450,7 +451,7 @@ def problems(table: Table, base: Values) -> list[Problem]:
 
 
 def _or_else(answers: Array, values: Any) -> Array:
-    """Return the answers, one to an entry, with ``values`` in place of missing ones."""
+    """Return answers, one to an entry, in which missing ones are replaced by ``values``."""
     return np.where(np.isfinite(answers), answers, values)
 
 

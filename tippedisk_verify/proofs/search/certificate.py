@@ -61,14 +61,14 @@ class Proof:
     def asked(self) -> dict[str, object]:
         """The entries of `to_dict` that name what was to be proved, such as the speed of a cycle.
 
-        They are printed after the statement. There are none by default.
+        They are printed after the statement. By default this is empty.
         """
         return {}
 
     @property
     def statement(self) -> str:
-        """The proved theorem in words. If the proof failed, a sentence that says why nothing is
-        proved.
+        """The proved theorem in words. If the proof failed, a sentence with the reason why nothing
+        is proved.
         """
         return sentence(self.claim) if self.proved else f"nothing is proved: {self.reason}."
 
@@ -78,8 +78,7 @@ class Proof:
     __str__ = __repr__
 
     def certificate(self) -> str:
-        """Return the text of a certificate file for this proof, which the kernel can check by
-        itself.
+        """Return the text of a certificate file for this proof, which the kernel alone can check.
 
         Raises InputError if nothing is proved.
         """

@@ -167,7 +167,7 @@ def prove_connection_cycles(
     below: object = "0.0015",
     watch: Callable[[float], None] = lambda share: None,
 ) -> ConnectionCyclesProof:
-    """Prove the limit cycles at speeds just above Omega_h, and that there are none just below.
+    """Prove the limit cycles at speeds just above Omega_h, and their absence just below it.
 
     The speeds go from ``below`` under a proved connection to ``reach`` above it. Both distances
     [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the

@@ -69,7 +69,7 @@ class Steps:
 
     def _trials(self, path: Path, longest: float | None) -> Step | None:
         """Try steps of falling length, at most ``longest`` seconds, and return the first one that
-        the kernel's test proves with small remainders. Return None if there is none.
+        the kernel's test proves with small remainders. Return None if all fail.
         """
         bits = working_bits()
         order = _order(bits)

@@ -51,7 +51,7 @@ def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
 def slope(fixed: FixedPoints) -> Any:
     """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
-    p is the first coordinate on the section, and Omega the speed at which it belongs to a cycle.
+    p is the first coordinate on the section, and Omega the speed of the cycle through it.
     """
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
