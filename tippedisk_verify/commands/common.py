@@ -125,7 +125,8 @@ class Common(Output):
 
 # ------------------------------------------------------------------------------- checks of options
 def checked(check: Callable[[Any], Any]) -> Check:
-    """Return a callback that replaces an option's text by ``check(text)``; None stays None.
+    """Return a callback for click that replaces an option's text by ``check(text)``; None stays
+    None.
 
     Args:
         check: A function of the text, which raises InputError for a bad value.
@@ -134,7 +135,7 @@ def checked(check: Callable[[Any], Any]) -> Check:
 
 
 def decimal(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
-    """Check that an option is a decimal, and return its text.
+    """Check that the text of a command-line option is a decimal, and return the text.
 
     It stays a text, because no value may pass through a double.
 
@@ -151,7 +152,9 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
 
 
 def file_for(*endings: str) -> Check:
-    """Return a callback for an option that names an output file with one of these endings."""
+    """Return a callback for click that checks an option: the name of an output file with one of
+    these endings.
+    """
     return checked(lambda text: file_ending_in(text, *endings))
 
 
@@ -343,7 +346,7 @@ def _width() -> int:
 
 
 def alone_in(out: str | None) -> Path | None:
-    """Return the output folder, locked for this run until the command ends.
+    """Lock the output folder for this run until the command ends, and return its path.
 
     Args:
         out: The folder's path, or None.
@@ -365,7 +368,8 @@ def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
 
 
 def with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Return the rows of a table with each half-width in a column NAME_uncertainty of its own.
+    """Return the rows of a table as texts, with each number's half-width in a column
+    NAME_uncertainty of its own.
 
     An event's name is left out, because it is in the column ``event``.
     """

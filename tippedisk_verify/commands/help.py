@@ -92,7 +92,7 @@ class DefinedCommand(click.Command):
 
     @property
     def epilog(self) -> str | None:
-        """The end of the help."""
+        """The end of the command's help: the quantities that it prints, and examples."""
         return _paragraphs(_defined(self.path), _examples(self.path))
 
     @epilog.setter
@@ -101,7 +101,9 @@ class DefinedCommand(click.Command):
 
 
 class Cli(click.Group):
-    """The program's commands in sections; help defines what is printed, and ends with examples."""
+    """The program's command line: its commands in sections, with help that defines what is printed
+    and ends with examples.
+    """
 
     def __init__(
         self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object
@@ -128,9 +130,10 @@ class Cli(click.Group):
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """Set a command's path, and return the command.
+    """Complete the help of a command: set its path, and for a group its examples and its commands'
+    paths and summaries.
 
-    For a group, also set its examples, and the paths and summaries of its commands.
+    Returns the command.
     """
     if isinstance(command, DefinedCommand):
         command.path = path

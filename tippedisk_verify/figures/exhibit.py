@@ -33,7 +33,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A figure of the report."""
+    """A figure of the audit's report, and the function that draws it."""
 
     draw: Callable[[Audit, Sequence[str]], Drawing]  #: takes the audit and the names of the claims
     name: str
@@ -51,7 +51,7 @@ class Exhibit:
 
 
 def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
-    """Put several curves into one table, whose first column names the curve.
+    """Put the rows of several curves into one CSV table, whose first column names the curve.
 
     Args:
         header: The names of the other columns.
@@ -61,10 +61,10 @@ def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[objec
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
-    """Draw an exhibit and return it as plain data.
+    """Draw a figure of the report and return the result as plain data.
 
     Args:
-        exhibit: The exhibit.
+        exhibit: The figure.
         audit: The audit.
         examined: The names of the claims that it illustrates.
 

@@ -38,7 +38,8 @@ _FAMILIES = {_LIBRATING: (GREEN, "-"), _STABLE: (ORANGE, "-"), _UNSTABLE: (ORANG
 
 
 def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]) -> Rows:
-    """Return Omega, beta_max, T and slow multiplier of each cycle, sorted by the speed.
+    """Return the rows of a plot of limit cycles, sorted by the speed: Omega, beta_max, T and slow
+    multiplier of each cycle.
 
     ``ends`` are further rows, where the family begins or ends.
     """
@@ -49,8 +50,8 @@ def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]
 
 
 def _birth(parameters: Parameters) -> tuple[float, ...]:
-    """Return the row of the Hopf point: Omega_crit, no amplitude, the period there, and the
-    multiplier 1.
+    """Return the row of the Hopf point in a plot of limit cycles: Omega_crit, no amplitude, the
+    period there, and the multiplier 1.
     """
     return (float(omega_crit(parameters)), 0.0, float(period_crit(parameters)), 1.0)
 
@@ -107,7 +108,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     "multiplier, which rises to one at the Hopf point.",
 )
 def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the audited disk's family with both one-harmonic laws."""
+    """Draw the audited disk's family of limit cycles with both one-harmonic laws."""
     parameters = audit.parameters
     rows = _rows(audit.family(parameters.name), _birth(parameters))
     speeds = [row[0] for row in rows]

@@ -66,7 +66,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )
 def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the eigenvalues of the audited disk."""
+    """Draw the eigenvalues of inverted spinning of the audited disk against the speed."""
     rows = eigenvalue_rows(audit.parameters)
     crit = float(omega_crit(audit.parameters))
     third = [row[5] for row in rows]

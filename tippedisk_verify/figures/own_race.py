@@ -31,7 +31,9 @@ _TIME_LIMIT = 60.0  # s that a program may take for a run
 
 @dataclass(frozen=True, repr=False)
 class Race(Printable):
-    """The scores of a race: every method on every problem at every setting."""
+    """The result of a race of integrators: the scores of every method on every problem at every
+    setting.
+    """
 
     scores: tuple[Score, ...]
 
@@ -187,7 +189,8 @@ class _Dialogue:
         self.seconds: float | None = None
 
     def solve(self, problem: Problem, tolerance: float) -> Any:
-        """Send a problem and a tolerance to the program, and return its states.
+        """Send a problem and a tolerance to the external program, and return the states that it
+        computes.
 
         Raises ArithmeticError if it gives none.
         """

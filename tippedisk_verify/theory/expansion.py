@@ -28,7 +28,8 @@ class LocalExpansion(NamedTuple):
 
 
 def derived(constants: Any, omega: Any) -> LocalExpansion:
-    """Return the expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
+    """Return the local expansion of the equation of motion about inverted spinning that follows
+    from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
 
     Args:
         constants: The parameters, in any kind of number.
@@ -70,7 +71,8 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
 
 
 def printed(constants: Any, omega: Any) -> LocalExpansion:
-    """Return the expansion as the paper prints it.
+    """Return the local expansion of the equation of motion about inverted spinning as the paper
+    prints it.
 
     Its source is Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx. Two entries differ from
     `derived`:

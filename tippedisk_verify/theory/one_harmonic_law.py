@@ -45,7 +45,7 @@ Form = Literal["printed", "consistent"]
 
 @dataclass(frozen=True, repr=False)
 class OneHarmonic(Printable):
-    """The one-harmonic cycle at a speed."""
+    """A limit cycle at one speed by harmonic balance with one harmonic."""
 
     amplitude: Measured  #: C [rad], Eq. Csol
     frequency: Measured  #: omega [rad/s], Eq. omega_sol
@@ -96,7 +96,8 @@ def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def delta(constants: Any, omega: Any, form: Form) -> Any:
-    """Return delta [rad^2/s^2] of omega^2 = e Omega^2 / (r + e) + delta C^2.
+    """Return delta [rad^2/s^2], the factor of C^2 in the law omega^2 = e Omega^2 / (r + e) + delta
+    C^2.
 
     It is defined by Eqs. omega_sol_C4 and delta.
 
@@ -125,7 +126,8 @@ def _checked_form(form: str) -> Form:
 
 
 def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
-    """Return C^2 [rad^2] and omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
+    """Return the squares of amplitude and frequency of the one-harmonic cycle: C^2 [rad^2] and
+    omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
 
     The law has a cycle where both are positive.
 
@@ -147,8 +149,8 @@ def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
 
 
 def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
-    """Return the section coordinates and half period of the consistent law's cycle, in double. The
-    section is beta = pi/2, v < 0.
+    """Return the point where the cycle of the consistent one-harmonic law crosses the section beta
+    = pi/2, v < 0, and half its period, in double.
 
     The result is None where the law has no cycle.
 
@@ -203,7 +205,8 @@ def one_harmonic(
 def slopes(
     parameters: Parameters, form: Form = "consistent", digits: int = 12
 ) -> tuple[Measured, Measured]:
-    """Return the law's slopes at the Hopf point with respect to Omega_crit - Omega.
+    """Return the slopes of the one-harmonic law's amplitude and period at the Hopf point with
+    respect to Omega_crit - Omega.
 
     Args:
         parameters: The disk.

@@ -17,7 +17,9 @@ __all__ = ["Angle", "PowerSeries", "SeriesOps"]
 
 
 class PowerSeries:
-    """The coefficients ``c``, in graded order, of a series in 1 or 2 ``variables``."""
+    """A truncated power series in 1 or 2 ``variables``, given by its coefficients ``c`` in the
+    order of their total degree.
+    """
 
     __slots__ = ("c", "variables")
 
@@ -78,7 +80,7 @@ class PowerSeries:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> PowerSeries:
-        """Divide by a number or by a series whose constant term is not zero."""
+        """Return the quotient by a number or by a series whose constant term is not zero."""
         if not isinstance(other, PowerSeries):
             return self._like([a / other for a in self.c])
         table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
@@ -155,7 +157,7 @@ SeriesOps: Any = SimpleNamespace(
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
-    """Return pairs of place and value for the coefficients that are not zero.
+    """Return the coefficients that are not zero, each as a pair of its index and its value.
 
     Half of the coefficients of even and odd series are zero.
     """
@@ -164,7 +166,7 @@ def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
 
 @lru_cache(maxsize=64)
 def _degrees(variables: int, count: int) -> tuple[int, ...]:
-    """Return the total degrees of the first ``count`` monomials."""
+    """Return the total degrees of the first ``count`` monomials in 1 or 2 ``variables``."""
     if variables == 1:
         return tuple(range(count))
     return tuple(degree for degree in range(count) for _ in range(degree + 1))[:count]
@@ -172,7 +174,8 @@ def _degrees(variables: int, count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
-    """Return for each monomial the places of its products with all monomials, in order.
+    """Return a multiplication table of monomials: for each one, the indices of its products with
+    all monomials, in order.
 
     Products beyond the kept degree are left out.
     """

@@ -514,7 +514,7 @@ class _Sheet:
 
     def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
         """Mark quantities as explained whose wrong answers have a simple relation to right values,
-        such as a wrong unit.
+        such as the wrong sign.
 
         Each relation found becomes a cause. A relation of many quantities comes before one of few.
 
