@@ -56,7 +56,7 @@ FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", 
 
 @dataclass(frozen=True)
 class Precision:
-    """An arithmetic to compute in.
+    """An arithmetic to compute in: a kind of floating-point number and its bits.
 
     ``double`` has 53 bits (Python floats). ``extended`` has 64 bits (x87 long double, where the
     machine has it). ``quadruple`` has 113 bits. ``real`` is heyoka's MPFR numbers with any number
@@ -76,7 +76,9 @@ class Precision:
 
     @property
     def name(self) -> str:
-        """The name: ``double``, ``extended``, ``quadruple`` or, for example, ``real200``."""
+        """The name of this arithmetic: ``double``, ``extended``, ``quadruple`` or, for example,
+        ``real200``.
+        """
         return f"real{self.bits}" if self.kind == "real" else self.kind
 
     @cached_property
@@ -174,7 +176,8 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """Return a one-dimensional array of the values, each rounded as `number` does.
+        """Convert a sequence of numbers to a one-dimensional array of this precision, each rounded
+        as `number` does.
 
         MPFR numbers are stored as objects.
 
@@ -192,7 +195,7 @@ class Precision:
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
     def sequence(self, values: Any) -> Any:
-        """Convert any sequence as `array` does.
+        """Convert any sequence of numbers to an array of this precision, as `array` does.
 
         An array of this arithmetic is returned as it is, and one of doubles is converted exactly.
 
@@ -236,7 +239,7 @@ class Precision:
 
     @cached_property
     def _element(self) -> Any:
-        """The type of an array's elements."""
+        """The data type of the elements of an array of this precision."""
         return object if self.kind == "real" else self.type
 
     def mpf(self, value: object) -> Any:
@@ -303,7 +306,7 @@ def bits(count: int) -> Precision:
 
 
 def precision_named(name: str) -> Precision:
-    """Return the arithmetic with this `Precision.name`.
+    """Return the arithmetic with a given name.
 
     Args:
         name: The name, such as ``double`` or ``real200``.
@@ -316,7 +319,7 @@ def precision_named(name: str) -> Precision:
 
 
 def precision_of(number: Any) -> Precision:
-    """Return the arithmetic of a native number.
+    """Return the arithmetic to which a floating-point number belongs.
 
     Args:
         number: A number as `Precision.number` returns it.
