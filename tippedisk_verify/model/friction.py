@@ -364,7 +364,7 @@ class _Polynomial(FrictionLaw):
         """Return the polynomial terms[0] + terms[1] sliding + ... of a power series, up to the
         degree that the series keeps.
 
-        A law without sides has odd powers only; there the polynomial is in the square of
+        For a law without sides every other term is zero, and the polynomial is in the square of
         ``sliding``.
         """
         step = 1 if self.two_sided else 2

@@ -422,7 +422,8 @@ class Measured(Bounded):
     def decimals(self) -> tuple[str, str]:
         """Return value and half-width as decimal texts, ``(value, uncertainty)``.
 
-        They still hold the true value: the half-width includes the rounding of the value.
+        They still hold the true value: the half-width includes the rounding of the value. It is
+        "infinite" if the error was not measured.
         """
         if not self.uncertainty:
             return exact_decimals(self.value)

@@ -23,7 +23,7 @@ INVERTED, NONINVERTED = 1, -1
 
 
 class Turned(NamedTuple):
-    """The angle ``quarters`` * pi/2 + ``offset`` [rad]."""
+    """An angle near a multiple of pi/2: ``quarters`` * pi/2 + ``offset`` [rad]."""
 
     quarters: int
     offset: Any = None

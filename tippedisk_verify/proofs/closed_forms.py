@@ -84,7 +84,7 @@ _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 @dataclass(frozen=True, repr=False)
 class ProvedEquilibrium(Printable):
-    """The eigenvalues and the stability of stationary spinning at one speed."""
+    """A proved result: the eigenvalues and the stability of an equilibrium at one speed."""
 
     _omitted = ("name",)
 
@@ -101,7 +101,7 @@ class ProvedEquilibrium(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedHopf(Printable):
-    """The Hopf point of inverted spinning.
+    """A proved result: the numbers of the Hopf point of inverted spinning.
 
     Units and definitions are those of `tippedisk_verify.theory.hopf.HopfPoint`.
     """
@@ -133,8 +133,8 @@ class ProvedHopf(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedStability(Printable):
-    """The linear stability at every speed (Theorem 1), with numbers at Omega_crit, for both
-    friction laws.
+    """A proved result: the linear stability at every speed (Theorem 1), with numbers at Omega_crit,
+    for both friction laws.
     """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
@@ -252,9 +252,9 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
 
 
 def chi(constants: Any) -> Any:
-    """Return chi = A (r - 2 e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3].
+    """Return chi [kg m^3], the constant of the one-harmonic amplitude law, in the paper's form.
 
-    The formula stands below Eq. Csol.
+    It is A (r - 2 e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)). The formula stands below Eq. Csol.
     """
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
@@ -345,8 +345,8 @@ def _apart(roots: list[Eigenvalue]) -> bool:
 
 
 def critical_speed_squared(constants: Constants) -> Any:
-    """Return Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of
-    any kind.
+    """Return the square of the critical speed, Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq.
+    approx_omega_crit), for numbers of any kind.
     """
     reach = constants.r + constants.e
     return reach * reach * constants.g / (constants.r * constants.b)
@@ -500,7 +500,7 @@ def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
     """Call ``compute`` at growing precision until each of its balls has ``digits`` significant
-    digits, and return the balls.
+    digits, and return the balls by name.
 
     An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not
     suffice.

@@ -156,20 +156,22 @@ class BallArray:
 
     @property
     def midpoints(self) -> Array:
-        """The midpoints; those of infinite balls have no meaning."""
+        """The midpoints of the balls; those of infinite balls have no meaning."""
         return self._mid
 
     @property
     def radii(self) -> Array:
-        """The radii: never negative, never NaN, infinite where nothing is known."""
+        """The radii of the balls: never negative, never NaN, infinite where nothing is known."""
         return self._rad
 
     def mid(self) -> BallArray:
-        """Return the midpoints as exact balls (infinite where the ball is)."""
+        """Return the midpoints of the balls as balls of radius zero (infinite where the
+        ball is).
+        """
         return BallArray(np.where(self._rad < np.inf, self._mid, np.nan))
 
     def rad(self) -> BallArray:
-        """Return the radii as exact balls (infinite where the ball is)."""
+        """Return the radii of the balls as balls of radius zero (infinite where the ball is)."""
         return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
@@ -180,7 +182,7 @@ class BallArray:
         return len(self._mid)
 
     def __getitem__(self, places: Any) -> BallArray:
-        """Return the balls of a slice, a mask or a list of indices."""
+        """Return some of the array's balls: those of a slice, a mask or a list of indices."""
         return trusted(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
@@ -284,11 +286,11 @@ class BallArray:
         return _operand(other) / self
 
     def sin(self) -> BallArray:
-        """Return the sine; infinite for midpoints beyond 2^18."""
+        """Return balls that hold the sine of these balls; infinite for midpoints beyond 2^18."""
         return self._turned(0)
 
     def cos(self) -> BallArray:
-        """Return the cosine; infinite for midpoints beyond 2^18."""
+        """Return balls that hold the cosine of these balls; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
     @quieted
@@ -322,8 +324,8 @@ class BallArray:
 
     @quieted
     def abs_upper(self) -> BallArray:
-        """Return an upper bound of the absolute values, as an exact ball (infinite where the ball
-        is).
+        """Return upper bounds of the absolute values of the balls, as balls of radius zero
+        (infinite where the ball is).
         """
         return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
@@ -382,9 +384,9 @@ class BallArray:
 
 
 def _doubles(values: Any) -> Array:
-    """Return an array of doubles.
+    """Convert floats to an array of doubles.
 
-    Other kinds of numbers are refused: conversion might round them.
+    Other kinds of numbers are refused with a TypeError: conversion might round them.
     """
     many = values if isinstance(values, Sequence) else [values]
     if not (
@@ -423,7 +425,7 @@ def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
 
 
 def _exact_float(value: Any) -> float | None:
-    """Return an integer or float as a float if that is exact, otherwise None.
+    """Convert an integer or float to a float if that is exact; otherwise return None.
 
     Subnormal floats and 0.0 also give None, because some processors do not tell them apart.
     """

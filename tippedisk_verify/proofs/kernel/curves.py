@@ -254,10 +254,10 @@ class CurvePath(Path):
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """Yield beta_bar and its derivatives for each part of a step in which v may be 0.
+    """Yield beta_bar and its derivatives for each part of a step in which v may be 0, so that
+    beta_bar may be largest or least.
 
-    The derivatives are those at a fixed time, with respect to the curve's three numbers. beta_bar
-    can be largest or least in these parts only.
+    The derivatives are those at a fixed time, with respect to the curve's three numbers.
     """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
@@ -376,11 +376,14 @@ class Arc:
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Return the trace of the half map's derivative P' by (gamma_bar, v), as a jet in s."""
+        """Return the trace of the half map's derivative with respect to (gamma_bar, v) at the arc's
+        cycles, as a jet in s.
+        """
         return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> bool | None:
-        """Return True if all cycles are asymptotically stable, False if none is, None if undecided.
+        """Return True if all limit cycles of the arc are proved asymptotically stable, False if all
+        are proved not to be, None if neither is proved.
 
         For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
@@ -392,7 +395,8 @@ class Arc:
         return False if negative(1 - trace) or negative(1 + trace) else None
 
     def falling(self) -> bool | None:
-        """Return True if Omega falls all along the arc as gamma_bar_0 grows.
+        """Return True if the speed Omega is shown to fall all along the arc as the amplitude
+        gamma_bar_0 grows.
 
         Returns False if Omega rises, and None if neither is shown.
         """
@@ -402,12 +406,14 @@ class Arc:
         return False if positive(slope) else None
 
     def slowing(self) -> bool:
-        """Return True if the period grows with gamma_bar_0 all along the arc."""
+        """Return True if the period is shown to grow with the amplitude gamma_bar_0 all along the
+        arc.
+        """
         return bool(positive(self.period_slope().range()))
 
     def widening(self) -> bool:
-        """Return True if beta_max grows with gamma_bar_0 all along the arc, except at the Hopf
-        point.
+        """Return True if beta_max is shown to grow with the amplitude gamma_bar_0 all along the
+        arc, except at the Hopf point.
         """
         for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]

@@ -46,7 +46,7 @@ UNITS = {
 
 
 class FieldConstants(NamedTuple):
-    """The constants of a disk in the equations of motion, all in one arithmetic."""
+    """The constants of a disk that its equations of motion need, all in one arithmetic."""
 
     r: Any  #: disk radius [m]
     e: Any  #: eccentricity [m]
@@ -59,7 +59,8 @@ class FieldConstants(NamedTuple):
 
 
 def constants(disk: Mapping[str, str]) -> FieldConstants:
-    """Return balls that hold the constants of a disk, given its eight exact numbers.
+    """Convert the eight exact numbers of a disk to balls of the constants in its equations of
+    motion.
 
     Raises Unproved if no disk has these numbers.
     """
@@ -122,8 +123,8 @@ def field(
 
 
 def one_sided(side: int) -> Law:
-    """Return the analytic law of a ``side``, 1 or -1: the smooth law where gamma_y has that
-    sign.
+    """Return the analytic friction law of one side: the smooth law where gamma_y has the sign
+    ``side``, 1 or -1.
     """
     return lambda ops, constants, omega: field(ops, constants, omega, side)
 

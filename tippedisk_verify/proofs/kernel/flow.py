@@ -118,7 +118,9 @@ class Model:
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:
-        """Return the system of the states alone, without derivatives, at another speed."""
+        """Return the equations of motion (a `System`) of the states alone, without derivatives, at
+        another speed.
+        """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
@@ -126,7 +128,8 @@ class Model:
     def path(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
     ) -> Path:
-        """Return the path of all orbits from a box of states, before its first step.
+        """Return the proved flight (a path, before its first step) of all orbits from a box of
+        states.
 
         ``proposer`` chooses the steps. With ``derivatives``, the path carries those of the states.
         """
@@ -137,7 +140,9 @@ class Model:
         return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Return (beta', gamma', v') [rad/s, rad/s, rad/s^2] on balls."""
+        """Return the rates of motion (beta', gamma', v') [rad/s, rad/s, rad/s^2] at a state of
+        balls.
+        """
         return self.law(BallOps, self.constants, self.omega)(*state)
 
 
@@ -172,7 +177,9 @@ class Path:
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """The derivatives (3, 4) of the state with respect to start and Omega."""
+        """The derivatives (3, 4) of the path's current states with respect to their start and
+        Omega.
+        """
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
@@ -184,7 +191,8 @@ class Path:
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """Return a step of at most ``longest`` seconds, not yet taken.
+        """Ask the proposer for the next step of the path, of at most ``longest`` seconds, and
+        return it without taking it.
 
         If no step is proved, sets ``status`` and returns None.
         """
@@ -220,7 +228,9 @@ class Path:
         )
 
     def take(self, step: Step, time: Any = None) -> None:
-        """Move the path to the step's end, or to ``time`` (a number or ball) within the step."""
+        """Move the path forward to the end of a step, or to ``time`` (a number or ball) within the
+        step.
+        """
         moment = alike(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
         self.proposer.took(step, [[*row] for row in frame.axes])

@@ -79,9 +79,9 @@ class Frame:
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
-        """Return a box of the states' images under a map.
+        """Return a box that holds the images of all states of the set under a map.
 
-        ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4) with
+        ``centre`` is the image of the set's middle, and ``rows`` the map's derivatives (3, 4) with
         respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
@@ -91,7 +91,8 @@ class Frame:
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
-        """Return a box of the images, under a map, of the states on the middle's own orbits.
+        """Return a box that holds the images, under a map, of the states on the middle's own
+        orbits, without those of other orbits of the set.
 
         ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4).
         """
@@ -101,10 +102,10 @@ class Frame:
         ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives (3, 4) of the images under a map, with respect to the deviations.
+        """Return the derivatives (3, 4) of the set's states, after a map has been applied, with
+        respect to the deviations of start and Omega.
 
-        The deviations are those of the start and of Omega. ``rows`` are the map's derivatives
-        (3, 4) with respect to state and Omega.
+        ``rows`` are the map's derivatives (3, 4) with respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
@@ -161,7 +162,7 @@ class Frame:
 
 
 def _product(a: Matrix, b: Matrix) -> list[list[Any]]:
-    """Multiply the first three columns of ``a`` by a matrix with three rows."""
+    """Return the product of the first three columns of ``a`` with a matrix ``b`` of three rows."""
     return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
 
 

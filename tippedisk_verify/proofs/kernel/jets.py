@@ -42,7 +42,7 @@ _TERMS = 10  # at z = 1/4 the rest is below 2^-80
 
 
 def symmetric(x: Any) -> Any:
-    """Return a ball about zero that holds the ball and its mirror image."""
+    """Return a ball about zero that holds the ball ``x`` and its mirror image."""
     return x * _BOTH
 
 
@@ -59,7 +59,7 @@ class Jet:
 
     @classmethod
     def constant(cls, value: Any, degree: int) -> Jet:
-        """Return the jet of the same number (or ball) for each s."""
+        """Return the jet of a constant function: the same number (or ball) for each s."""
         return cls([value, *[0 * value] * degree])
 
     @property
@@ -173,15 +173,16 @@ class Jet:
         return Jet([x.mid() for x in self.c])
 
     def range(self) -> Any:
-        """Return a ball that holds all values: even powers of s are in [0, 1], odd ones in
-        [-1, 1].
+        """Return a ball that holds all values of the function for s in [-1, 1].
+
+        Even powers of s are in [0, 1], odd ones in [-1, 1].
         """
         return self.c[0] + sum(
             x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:])
         )
 
     def at(self, s: Any) -> Any:
-        """Return a ball that holds the value at s, a number or ball in [-1, 1]."""
+        """Return a ball that holds the function's value at s, a number or ball in [-1, 1]."""
         result = self.c[-1]
         for x in self.c[-2::-1]:
             result = result * s + x

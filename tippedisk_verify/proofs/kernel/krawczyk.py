@@ -75,7 +75,7 @@ class FixedPoints:
 
     @property
     def image(self) -> list[Any]:
-        """The three balls that hold the fixed points."""
+        """Three balls that hold the fixed points: both coordinates on the section, and Omega."""
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:

@@ -58,7 +58,8 @@ __all__ = ["ScaledCurve", "ScaledModel"]
 
 
 class _Part:
-    """A number of the scaled equations: a x if ``odd``, else x, with the amplitude a.
+    """A number in the equations of motion scaled by the amplitude a: it stands for a x if ``odd``,
+    else for x.
 
     ``square`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
     """
@@ -144,7 +145,9 @@ class ScaledModel:
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
-        """Return the system of the scaled states alone, without derivatives, at another speed."""
+        """Return the equations of motion (a `System`) of the scaled states alone, without
+        derivatives, at another speed.
+        """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(

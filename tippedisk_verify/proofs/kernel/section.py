@@ -68,7 +68,9 @@ class PoincareSection(NamedTuple):
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
-        """Return the state (beta_bar, gamma_bar, v) with these two coordinates on the section."""
+        """Return the state (beta_bar, gamma_bar, v) of the point on the section with these two
+        coordinates.
+        """
         state = [alike(v, 0), alike(v, 0), v]
         state[self.first] = first
         return state
@@ -185,7 +187,7 @@ class PoincareMap:
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """Try one step, take it if it is proved, and return its proved properties.
+        """Try one step of the flight, take it if it is proved, and return its proved properties.
 
         Returns None if the path finds no step.
         """
@@ -207,7 +209,8 @@ class PoincareMap:
         return Round(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
-        """Return whether the disk is shown to stay upright in the step, and the case that is shown.
+        """Return True if the disk is shown to stay upright in the step, and the case that is shown
+        for the step: on its way, turning or crossing the section.
 
         The case is None if none is shown.
         """
@@ -277,7 +280,9 @@ class PoincareMap:
         )
 
     def _landed(self) -> Return:
-        """Return the proved properties of orbits whose path has been taken to the section."""
+        """Return the proved properties of all orbits at the section, once the path has been taken
+        there.
+        """
         path, section = self.path, self.section
         first, sign = section.first, section.sign
         derivatives: dict[str, Any] = {}

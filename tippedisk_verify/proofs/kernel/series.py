@@ -38,7 +38,7 @@ _PAIR = ("sin", "cos")
 
 
 def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
-    """Return a method of `Node` that records a binary operation.
+    """Return a method of `Node` for an arithmetic operator, which adds the operation to the graph.
 
     If ``reflected``, the node is the right operand.
     """
@@ -214,7 +214,11 @@ def _absent(node: Node) -> bool:
 
 
 class System:
-    """The initial value problem x' = rates(x) whose variables and rates are nodes of one graph."""
+    """An initial value problem x' = rates(x), recorded in a graph, whose Taylor coefficients can be
+    computed.
+
+    Its variables and rates are nodes of the graph.
+    """
 
     def __init__(self, graph: Graph, variables: Sequence[Node], rates: Sequence[Node]) -> None:
         self.variables, self.rates = tuple(variables), tuple(rates)

@@ -110,7 +110,9 @@ class SmoothModel(Model):
         self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
     def of_side(self, side: int) -> SmoothModel:
-        """Return the model with the other side's law if ``side`` is negative, else this one."""
+        """Return this model for ``side`` >= 0, and the model with the friction law of the other
+        side of gamma_y = 0 for a negative ``side``.
+        """
         if side >= 0:
             return self
         if self._other is None:

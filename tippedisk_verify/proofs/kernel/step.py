@@ -70,7 +70,8 @@ _ALL = slice(3)
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a path, from its current set of states: its properties over [0, length].
+    """One step of a proved flight: enclosures of all orbits from the current set of states over the
+    times [0, length].
 
     They are proved if ``included`` is True.
     """
@@ -86,8 +87,8 @@ class Step:
     included: Any = True  #: True if the step is proved; a mask for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
-        """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the
-        box.
+        """Return the derivatives of the state at ``time`` with respect to the state at the step's
+        start and Omega, for every orbit from the box.
         """
         columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
         return tuple(
@@ -96,7 +97,9 @@ class Step:
         )
 
     def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
-        """Return d(state at ``time``)/d(start of the path, Omega) for every orbit."""
+        """Return the derivatives of the state at ``time`` with respect to the start of the whole
+        path and Omega, for every orbit.
+        """
         return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
@@ -121,7 +124,9 @@ class Step:
 
     @cached_property
     def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
-        """The midpoint's image at the step's end, and the derivatives that `rows_at` gives there."""
+        """The state of the midpoint's orbit at the step's end, and the derivatives that `rows_at`
+        gives there.
+        """
         time = alike(self.polynomials[0][0], self.length)
         return self.centre(time), self.rows_at(time)
 
@@ -130,7 +135,7 @@ class Step:
         return [polynomial(series, time) for series in self.polynomials[components]]
 
     def span(self) -> Any:
-        """Return a ball that holds the times from 0 to the length."""
+        """Return a ball that holds all times of the step, from 0 to its length."""
         return _from_zero(alike(self.enclosure[0], self.length))
 
 
@@ -164,7 +169,10 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """Return the step of the given length, proved or not, and make it the path's latest trial."""
+        """Test a step of the given length: return it with its enclosures, proved or not.
+
+        It becomes the path's latest trial.
+        """
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
         step = self.path.tested = Step(

@@ -123,7 +123,11 @@ class UniquenessBox(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class ProvedConnection(Printable, Proof):
-    """The interval of Omega_h and its proved properties, if the status is PROVED."""
+    """The result of a proof of the heteroclinic connection: an interval of Omega_h and its
+    properties.
+
+    They are proved if the status is PROVED.
+    """
 
     _listed = (
         "proved",
@@ -311,7 +315,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 
 
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
-    """Return cone weights that are nearly the smallest possible.
+    """Return nearly the smallest weights with which the cone conditions hold for a matrix.
 
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
     diagonal entry. The kernel tests them with `cones`.
@@ -488,8 +492,9 @@ class _ConnectionSearch(Proposer):
 
 
 def _share_of_reach(curve: ManifoldGraph) -> Any:
-    """Return a power of two near an eighth of the series' estimated radius of convergence, at most
-    1/4.
+    """Return the length up to which a curve's power series is used: a power of two, at most 1/4.
+
+    It is near an eighth of the estimated radius of convergence.
     """
     sizes = [float(abs(row[-1])) for row in curve.graph]
     rates = [size ** (-1 / curve.order) for size in sizes if size > 0]

@@ -357,10 +357,11 @@ class _EndSearch(Proposer):
         }
 
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
-        """Return the times of single flights from z_u = u to z_s = -s, and z_u on arrival.
+        """Estimate single flights from one saddle's section z_u = u to the other's z_s = -s, in
+        doubles by Runge-Kutta's method. Return their times, and z_u on arrival.
 
-        The method is Runge-Kutta's in doubles. ``speeds`` and ``slow`` (z_s at the start) have one
-        entry for each flight. Raises Unproved if a flight does not arrive.
+        ``speeds`` and ``slow`` (z_s at the start) have one entry for each flight. Raises Unproved
+        if a flight does not arrive.
         """
         assert self.connection.parameters is not None
         constants = self.connection.parameters.at(DOUBLE)

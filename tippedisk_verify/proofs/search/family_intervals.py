@@ -194,7 +194,9 @@ class Interval:
 
 
 def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
-    """Return the unproved intervals between the Hopf point and the amplitude ``end``."""
+    """Return the intervals of amplitudes between the Hopf point and the amplitude ``end`` on which
+    the family is not yet proved.
+    """
     covered = chain(pieces)
     low = covered[-1].high if covered else Fraction(0)
     later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
@@ -233,7 +235,9 @@ def chain(pieces: Iterable[Piece]) -> list[Piece]:
 
 
 def hopf_guess(parameters: Parameters) -> Guess:
-    """Return v_0 / gamma_bar_0, Omega and half the period of the linear flow at Omega_crit."""
+    """Return a guess of the family's cycles next to the Hopf point: v_0 / gamma_bar_0, Omega and
+    half the period of the linear flow at Omega_crit.
+    """
     with working_precision(64):
         numbers = hopf_balls(ball_constants(parameters))
         speed, period = numbers["omega_crit"], numbers["period"]
@@ -310,7 +314,7 @@ class _Jobs:
             self.waiting = []
 
     def drop_from(self, low: Fraction) -> None:
-        """Cancel intervals beyond ``low`` that have not begun."""
+        """Cancel the proofs of intervals beyond the amplitude ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
         for future in [
             future

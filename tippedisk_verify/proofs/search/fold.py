@@ -231,7 +231,9 @@ class _Attempt:
         sizes: Sequence[Any],
         centre: tuple[Steps, Return] | None = None,
     ) -> FixedPoints:
-        """Apply Krawczyk's test about a point, and store its choices as evidence."""
+        """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
+        evidence.
+        """
         setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre

@@ -125,8 +125,8 @@ class Steps:
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
-    """Return log2 of the largest allowed remainders: a list for the state's components, and one
-    number for the derivatives.
+    """Return log2 of the largest remainders that a step may have: a list for the state's
+    components, and one number for the derivatives.
     """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [

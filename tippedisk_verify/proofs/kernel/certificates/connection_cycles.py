@@ -194,8 +194,10 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 @dataclass(frozen=True)
 class CyclesNextToConnection:
-    """A verified result: at each speed of (Omega_h, high] the half map P has exactly one fixed
-    point in the set Q of the module's docstring.
+    """A verified result about the limit cycles at speeds just above Omega_h, in (Omega_h, high].
+
+    At each of these speeds the half map P has exactly one fixed point in the set Q of the module's
+    docstring.
     """
 
     low: Fraction
@@ -207,7 +209,8 @@ class CyclesNextToConnection:
     time: Any = None  #: a lower bound of the duration of a passage from D [s]
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if the balls gamma_bar, v lie in Q, and the ball omega in (Omega_h, high].
+        """Return True if the ball omega lies in (Omega_h, high], and the balls gamma_bar, v lie in
+        the set Q in which the limit cycles are unique.
 
         A fixed point of the half map in these balls is then the only one in Q.
         """
@@ -480,10 +483,10 @@ def _flights(
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
-    """Raise Unproved unless the connection is shown to stay in the box N from z_s = -s on.
+    """Raise Unproved unless the heteroclinic connection is shown to stay in the box N about the
+    saddle from z_s = -s on, with gamma growing all along it.
 
-    It must also be shown that gamma grows all along it. The boxes ``connection.pieces`` enclose
-    the connection.
+    The boxes ``connection.pieces`` enclose the connection.
     """
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
@@ -506,7 +509,10 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
-    """Replay the proof of the cycles next to the connection, and return what is proved.
+    """Check a certificate about the limit cycles next to the connection: repeat the proof with the
+    choices that it records.
+
+    Returns the proved result.
 
     Args:
         claim: The claim, as read from the file.

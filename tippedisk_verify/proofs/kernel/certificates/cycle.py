@@ -89,7 +89,9 @@ def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], A
 
 
 def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
-    """Return enclosures of the numbers of `claimed_names`: period, multipliers, derivatives, ...
+    """Return enclosures of a limit cycle's numbers by name: period, multipliers, derivatives, ...
+
+    The names are `claimed_names`.
 
     Args:
         section: The section of the cycle.
@@ -129,7 +131,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
 
 
 def stability(numbers: Mapping[str, Any]) -> bool | None:
-    """Return True if the cycle is proved asymptotically stable, False if proved unstable.
+    """Return True if a limit cycle is proved asymptotically stable, False if it is proved unstable.
 
     Returns None if neither is proved. The signs of the enclosed ``log_multiplier_slow`` and
     ``log_multiplier_fast`` decide.
@@ -154,7 +156,9 @@ def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any
 
 
 def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
-    """Return the number of sign changes of the sliding velocity in a period (smooth law only)."""
+    """Return the number of sign changes of the sliding velocity in a period of a limit cycle
+    (smooth law only).
+    """
     return int(section.laps * fixed.box.reversals)
 
 

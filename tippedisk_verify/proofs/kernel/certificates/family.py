@@ -225,7 +225,8 @@ def signs(arc: Arc) -> ArcStatus | None:
 
 
 def verify_piece(job: Job) -> Piece:
-    """Verify one arc of the family and return the piece that it proves.
+    """Check one arc in a certificate about the family of limit cycles, and return the piece that it
+    proves.
 
     ``job`` holds the disk, the amplitude at which the arc begins, the arc's number and its
     evidence. Raises Unproved with the test that fails, and Refused if the evidence has a wrong
@@ -278,8 +279,8 @@ def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the enclosure of the first piece's cycle at this amplitude lies in the second
-    piece's box of uniqueness.
+    """Return True if the first piece's cycle at this amplitude is certainly the second piece's
+    cycle: its enclosure lies in the second piece's box of uniqueness.
     """
     parts = zip(
         first.at(amplitude),
@@ -292,15 +293,18 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def omega_crit(disk: Mapping[str, str]) -> Any:
-    """Return a ball that holds Omega_crit [rad/s]."""
+    """Return a ball that holds the critical speed Omega_crit [rad/s] of a disk, given its exact
+    numbers.
+    """
     c = constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return why the pieces are not proved to be one curve from the Hopf point on.
+    """Return the reason why pieces of the family are not proved to be one curve from the Hopf point
+    on.
 
-    Returns '' if they are proved to be one.
+    Returns '' if they are proved to be one curve.
     """
     if not pieces:
         return "there are no arcs"
@@ -360,7 +364,8 @@ SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
-    """Raise Unproved unless the recorded evidence proves the claim of a family.
+    """Check a certificate about the family of limit cycles. Raise Unproved unless its evidence
+    proves its claim.
 
     ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
     """

@@ -41,7 +41,8 @@ def names(section: PoincareSection) -> tuple[str, ...]:
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
-    """Return three balls of p, the first coordinate: over the arc, at its lower and its upper end.
+    """Return three balls of p, the first coordinate on the section: over a whole arc of cycles, at
+    its lower and at its upper end.
 
     The arc contains all p with |p - place| <= half.
     """
@@ -58,7 +59,7 @@ def slope(fixed: FixedPoints) -> Any:
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """Return the kind of extremum that Omega is shown to have inside the arc, or None.
+    """Return the kind of extremum that Omega is shown to have inside an arc of cycles, or None.
 
     ``lower`` and ``upper`` are balls of Omega's slope at the arc's lower and upper end. Only their
     signs matter.

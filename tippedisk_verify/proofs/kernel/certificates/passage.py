@@ -499,7 +499,8 @@ class _Axes:
 def _all(what: str, *verified: NDArray[np.bool_]) -> None:
     """Raise Unproved unless all masks are True for all flights.
 
-    The message contains the number of the first flight that fails, and ``what``.
+    ``verified`` are masks with an entry for each flight. The message contains the number of the
+    first flight that fails, and ``what``.
     """
     flights = np.logical_and.reduce(verified)
     if not flights.all():

@@ -111,10 +111,10 @@ UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
 def require_positive(what: str, *slacks: Any) -> None:
-    """Raise Unproved unless all numbers of the balls ``slacks`` are positive.
+    """Raise Unproved unless all numbers in the given balls are positive.
 
-    The message is ``what`` with the ball that fails. ``what`` begins with the number of the part
-    of the proof in docs/certified_connection.md.
+    ``slacks`` are the balls. The message is ``what`` with the ball that fails. ``what`` begins with
+    the number of the part of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
         require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
@@ -306,7 +306,8 @@ class SaddleCoordinates:
             return coefficient(moved, 1)
 
     def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the path of all orbits from a box of z about the first saddle.
+        """Return the proved flight (a path, before its first step) of all orbits from a box of z
+        about the first saddle.
 
         ``proposer`` chooses its steps. The path also carries the derivatives with respect to the
         coordinates z at the start and the speed.
@@ -327,7 +328,8 @@ class SaddleCoordinates:
         return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
-        """Return a box of z, about the second saddle, that encloses the states of a set ``frame``.
+        """Return a box of coordinates z about the second saddle that encloses the states of a set
+        ``frame``.
 
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
         the start and the speed, only the states of these deviations are enclosed.
