@@ -54,7 +54,9 @@ _MAX_FLIGHT = 60.0
 
 @dataclass(frozen=True, repr=False)
 class BisectedOmegaH(Printable):
-    """The speed of the heteroclinic connection and how it was found."""
+    """The result of a bisection for Omega_h, the speed of the heteroclinic connection, with its
+    method.
+    """
 
     omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
     method: str

@@ -41,7 +41,8 @@ _GAMMA_TOP = Event(
 
 @dataclass(frozen=True, repr=False)
 class Heteroclinic(Printable):
-    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0).
+    """The heteroclinic connection of the saddles (pi/2, -pi/2, 0) and (pi/2, 3 pi/2, 0), with its
+    speed Omega_h.
 
     By the point symmetry the way back exists too. Only the method `manifolds` gives the splitting
     derivative and the budget.
@@ -139,7 +140,8 @@ class Heteroclinic(Printable):
     def _branch(
         self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True
     ) -> Result:
-        """Return the flight from the first saddle along its unstable branch, in shifted angles.
+        """Return the flight at a speed from the first saddle along its unstable branch, in shifted
+        angles.
 
         Its event is gamma = pi/2. Raises AccuracyError if the flight does not reach the last time.
         """

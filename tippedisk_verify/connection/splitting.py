@@ -89,7 +89,9 @@ class Splitting:
 
     @property
     def carried(self) -> Fraction:
-        """The coordinate u, carried back along the flow to s = 1."""
+        """The splitting u, carried back along the flow to s = 1, so that flights of any length can
+        be compared.
+        """
         return fraction(self.u * self.growth)
 
 
@@ -147,7 +149,7 @@ class SplittingFunction:
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: the last result, except by slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
-        """Return the splitting at a speed [rad/s].
+        """Return the splitting of the saddles' manifolds at a speed [rad/s].
 
         Raises:
             AccuracyError: If the flight fails.
@@ -188,7 +190,8 @@ class SplittingFunction:
 
     @property
     def step(self) -> Fraction:
-        """The step of a central difference [rad/s]: ten to minus half of the digits.
+        """The step of the speed in a central difference of the splitting [rad/s]: ten to minus half
+        of the digits.
 
         It lies between the resolution and the step at which curvature shows.
         """

@@ -119,9 +119,11 @@ def _next_to_omega_h(
 
 
 def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
-    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h.
+    """Return the length [rad/s] of the range of speeds over which limit cycles exist next to
+    Omega_h.
 
-    Raises NoSuchCycleError if the piece lies on the other side of Omega_h.
+    It is the length of the piece of the family that ends at Omega_h. Raises NoSuchCycleError if the
+    piece lies on the other side of Omega_h.
     """
     omega_h = disk_locator.omega_h
     if section is ROTATING:
@@ -140,7 +142,8 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
 
 
 def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
-    """Return a distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs.
+    """Check a user's distance from Omega_h, and return it [rad/s] with the digits of Omega_h that a
+    cycle there needs.
 
     ``digits`` is the number of digits wanted of the cycle. Raises InputError unless the distance is
     a positive decimal that is not too small for these digits.

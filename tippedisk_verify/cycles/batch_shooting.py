@@ -59,12 +59,14 @@ class BatchCycles:
 
     @property
     def coordinate(self) -> Array:
-        """The section's first coordinate of each cycle (n,)."""
+        """The first coordinate on the section of each cycle in the batch (n,)."""
         return self.numbers[self.section.names[0]]
 
     @property
     def slope(self) -> Any:
-        """|dOmega / d(first coordinate)| along the family at each cycle (n,)."""
+        """The size of dOmega / d(first coordinate) along the family, at each cycle in the batch
+        (n,).
+        """
         return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
 
     @property
@@ -278,7 +280,9 @@ class _SectionBatch:
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
-    """Return the field (n, 3) of the linear law at shifted states (n, 3)."""
+    """Return the rates of motion (n, 3) under the linear law at shifted states (n, 3), each for its
+    own disk and speed.
+    """
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
     return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)

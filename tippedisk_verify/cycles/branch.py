@@ -210,7 +210,10 @@ class Branch(Printable):
         return len(self.cycles)
 
     def __getitem__(self, index: Any) -> Any:
-        """Return a cycle, or the cycles of a slice; a missing one as in ``cycles``."""
+        """Return one of the branch's cycles, or the cycles of a slice.
+
+        A speed without a cycle has a `MissingCycle`.
+        """
         return self.cycles[index]
 
     def plot(self, axes: Any = None) -> Any:
@@ -352,7 +355,8 @@ def _abscissa(place: LimitCycle | SpecialPoint) -> float:
 
 
 def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
-    """Return the stability of the first limit cycle among these places; special points are skipped.
+    """Return the stability of the first limit cycle among some cycles and special points; the
+    points are skipped.
 
     Returns None if there is no limit cycle, or if its stability is uncertain.
     """
@@ -360,7 +364,7 @@ def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
 
 
 def found(rows: Iterable[C | MissingCycle]) -> list[C]:
-    """Return the cycles, without the missing ones.
+    """Return the limit cycles among some rows, without the missing ones.
 
     Args:
         rows: Cycles and missing cycles.

@@ -211,7 +211,8 @@ def _by_twins(
 
 
 def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
-    """Return the name of the first main number with too few digits, or None.
+    """Return the name of the first main number of a cycle that has fewer than ``digits`` digits, or
+    None.
 
     A half-width times ``to_spare`` must lie within the digits wanted.
     """

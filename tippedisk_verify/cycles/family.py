@@ -82,18 +82,22 @@ class Place:
 
     @classmethod
     def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
-        """Return a `Place` without coordinates (NaN), for a cycle that doubles cannot separate from
-        the connection.
+        """Return a `Place` for a cycle so close to the connection that doubles cannot separate
+        them.
+
+        It has no coordinates (NaN).
 
         Args:
             omega: The speed [rad/s].
-            piece: The piece that ends at the connection.
+            piece: The piece of the family that ends at the connection.
         """
         return cls((math.nan, math.nan), float(omega), piece, falls=True)
 
     @property
     def is_in_double(self) -> bool:
-        """True if doubles separate the cycle from the connection."""
+        """True if this approximate cycle has coordinates: doubles separate it from the
+        connection.
+        """
         return not math.isnan(self.start[0])
 
 
@@ -289,8 +293,10 @@ class Family:
         return tuple(turns)
 
     def to_fold(self, s: Array) -> Any:
-        """Return the distance of the first coordinate from a fold [rad] at abscissas (k,); infinite
-        without a fold.
+        """Return the distance of cycles from the family's nearest fold, in the first coordinate
+        [rad].
+
+        The cycles are given by abscissas (k,). The distance is infinite if there is no fold.
         """
         folds = numpy.array([*self.folds, numpy.inf])
         return numpy.abs(s[:, None] - folds).min(axis=1) * self.coordinate_rate(s)
@@ -313,9 +319,8 @@ class Family:
 
     @cached_property
     def _sampled(self) -> list[tuple[Array, Array]]:
-        """Samples of Omega in rising order, and of s, for each piece.
-
-        They start the inversion of Omega(s).
+        """Samples of the family from which Omega(s) is inverted: Omega in rising order, and s, for
+        each piece.
         """
         samples = []
         for low, high in pairwise(self.breaks):
@@ -328,7 +333,8 @@ class Family:
         return samples
 
     def abscissas(self, omegas: Array) -> Any:
-        """Return the abscissa of each speed on each piece.
+        """Return the abscissas s of the family's cycles at given speeds, one for each piece of the
+        family.
 
         Args:
             omegas: The speeds (n,) [rad/s].
@@ -357,15 +363,15 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """Yield the family's cycles at a speed [rad/s] as `Place` objects, from the smallest first
-        coordinate on.
+        """Yield approximations (`Place`) of the family's cycles at a speed [rad/s], from the
+        smallest first coordinate on.
         """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.place(float(s), piece)
 
     def place(self, s: float, piece: int = 0) -> Place:
-        """Return the family's cycle at an abscissa of a piece, as a `Place`."""
+        """Return an approximation (`Place`) of the family's cycle at an abscissa on a piece."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
         return Place((first, ratio * first), omega, piece, self.falls[piece], flight)

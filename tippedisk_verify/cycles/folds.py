@@ -286,10 +286,10 @@ def _fold_in(
     engine: Engine,
     precision: Precision,
 ) -> Any:
-    """Return the fold of that kind next to a point, in ``precision``, compared with the next wider
-    arithmetic.
+    """Compute the fold of a family next to a point in the arithmetic ``precision``, with
+    half-widths by comparison with the next wider one.
 
-    Raises AccuracyError if it is not found.
+    ``kind`` is the class of the fold. Raises AccuracyError if it is not found.
     """
     for arithmetic in (
         DOUBLE,
@@ -399,7 +399,9 @@ def _numbers(
     engine: Engine,
     precision: Precision,
 ) -> dict[str, Any]:
-    """Return all numbers of the fold in one arithmetic, by chord steps from doubles."""
+    """Compute all numbers of a fold in one arithmetic, by chord steps from its approximation in
+    doubles.
+    """
     inverse = [
         [precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)
     ]

@@ -59,19 +59,23 @@ def _on_arrays(ctx: Any) -> SimpleNamespace:
 
 
 class Kind(Enum):
-    """The kind of cycle; the value is the number of half periods that are sampled."""
+    """The kinds of limit cycle for collocation; the value is the number of half periods that are
+    sampled.
+    """
 
     LIBRATING = 1
     ROTATING = 2
 
     @property
     def turns(self) -> int:
-        """The growth of gamma in a period, in units of 2 pi."""
+        """The growth of gamma in a period of such a cycle, in units of 2 pi."""
         return self.value - 1
 
     def samples(self, count: float) -> int:
-        """Return the least admissible number of samples from ``count`` on: even for half a period,
-        odd for a whole one.
+        """Return the smallest number of collocation samples that is at least ``count`` and allowed
+        for this kind of cycle.
+
+        It is even for half a period, odd for a whole one.
         """
         return 2 * math.ceil(count / 2) + self.turns
 
@@ -108,7 +112,7 @@ class Collocation:
 
     @property
     def double(self) -> Collocation:
-        """The same equations in double."""
+        """The same collocation equations in double."""
         return Collocation(self.parameters, self.kind, self.count)
 
     def number(self, value: Any) -> Any:
@@ -190,7 +194,8 @@ class Collocation:
         return omega / frequency * self._applied(self.integral, tilt), rate
 
     def along(self, point: Any, change: Any) -> Any:
-        """Return the residual's derivative (n + 1,) in a direction, at fixed Omega.
+        """Return the derivative (n + 1,) of the collocation equations' residual when a point moves
+        in a direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).
@@ -208,7 +213,9 @@ class Collocation:
         )
 
     def matrix(self, point: Any) -> Any:
-        """Return the residual's derivative with respect to the point, in double: (n + 1, n + 2)."""
+        """Return the derivative of the collocation equations' residual with respect to the point,
+        in double: (n + 1, n + 2).
+        """
         beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
         gamma, v = self.motion(point)
         by_beta, by_gamma, by_v = self.slopes(point)
@@ -273,11 +280,12 @@ def _spectrum(kind: Kind, beta: Any) -> Any:
 
 
 def resampled(kind: Kind, point: Any, count: int) -> Any:
-    """Return a point in double with the same trigonometric polynomial at another number of samples.
+    """Interpolate a collocation point to another number of samples, by its trigonometric
+    polynomial.
 
     Args:
         kind: The kind of cycle.
-        point: The point (n + 2,).
+        point: The point (n + 2,) in double.
         count: The new number of samples.
     """
     old = len(point) - 2

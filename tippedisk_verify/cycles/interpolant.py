@@ -191,7 +191,7 @@ class FamilyInterpolant:
 
     # ------------------------------------------------------------------------------ the half-widths
     def half_widths(self, cycles: BatchCycles) -> dict[str, Any]:
-        """Return the half-width that holds the truth for each number of n cycles on this family.
+        """Return half-widths that hold the true values, for each number of n cycles on this family.
 
         Args:
             cycles: The cycles.
@@ -269,8 +269,10 @@ class FamilyInterpolant:
 
     @property
     def _to_the_end(self) -> Any:
-        """The distance [rad/s] of each node from the Hopf point, a fold or the connection,
-        whichever is nearest, as predicted by its slope.
+        """The distance [rad/s] of each of the family's nodes from the nearest end of its piece, as
+        predicted by its slope.
+
+        An end is the Hopf point, a fold or the connection.
         """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))

@@ -89,8 +89,9 @@ class LibratingFamily(Family):
 
     @property
     def limit(self) -> float:
-        """The limit of Omega at the family's end [rad/s], to a fraction of the last node's distance
-        from it.
+        """The speed Omega [rad/s] that the family tends to at its end, an estimate.
+
+        Its error is a fraction of the last node's distance from it.
         """
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
@@ -110,8 +111,8 @@ class LibratingFamily(Family):
 
     @cached_property
     def connected(self) -> bool:
-        """True if the family is followed to the connection: v_0 falls as the distance from pi
-        does.
+        """True if the family is followed to the heteroclinic connection: v_0 falls as the distance
+        of gamma_bar_0 from pi does.
         """
         s, ratio = self.nodes[[-3, -1], :2].T
         return bool(math.log(ratio[0] / ratio[1]) > s[1] - s[0])  # the distance falls twice as fast

@@ -148,7 +148,7 @@ class Locator:
 
     @cached_property
     def omega_h(self) -> Fraction:
-        """Omega_h in double [rad/s].
+        """Omega_h of the disk in double [rad/s].
 
         Raises:
             NoConnectionError: If there is no connection.
@@ -157,7 +157,8 @@ class Locator:
 
     @cached_property
     def attracts(self) -> bool:
-        """True if the connection attracts, so that librating cycles begin above Omega_h.
+        """True if the heteroclinic connection attracts, so that librating cycles begin above
+        Omega_h.
 
         Raises:
             NoConnectionError: If there is no connection.
@@ -175,7 +176,9 @@ class Locator:
 
     @cached_property
     def lost(self) -> str:
-        """The reason why the librating cycles cannot be followed; "" if they can."""
+        """The reason why the disk's librating cycles cannot be followed as a family; "" if they
+        can.
+        """
         try:
             self.family  # noqa: B018
         except NoSuchCycleError as fault:

@@ -67,7 +67,9 @@ class Monodromy(Printable):
         return monodromy_of(self.cycle, time)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the time, the matrix with half-widths and the logarithms as data for JSON."""
+        """Return the monodromy matrix as data for JSON: its time, its entries with half-widths and
+        the multipliers' logarithms.
+        """
         return {
             "time": as_json(self.time),
             "matrix": with_widths(self.matrix, self.uncertainty),
@@ -82,7 +84,9 @@ class Monodromy(Printable):
 
     @property
     def log_multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """The logarithms [1]: along the flow (0), of the slow and of the fast multiplier."""
+        """The logarithms [1] of the Floquet multipliers: along the flow (0), of the slow and of the
+        fast one.
+        """
         return (
             Measured(Fraction(0), Fraction(0)),
             self.cycle.log_multiplier_slow,

@@ -72,7 +72,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class FixedPoint(Generic[C]):
-    """The result of an iteration for a fixed point of a return map."""
+    """The fixed point of a return map that an iteration has found, with its image and the
+    residuals.
+    """
 
     return_map: ReturnMap[C]
     point: tuple[Any, Any]  #: the coordinates on the section
@@ -88,7 +90,7 @@ class Iterate(FixedPoint[C]):
 
     @property
     def ahead(self) -> tuple[Any, Any, Any]:
-        """Both coordinates and Omega after the step."""
+        """Both coordinates and Omega after this Newton step."""
         omega = self.return_map.precision.number(self.return_map.omega)
         return self.point[0] + self.step[0], self.point[1] + self.step[1], omega + self.step[2]
 

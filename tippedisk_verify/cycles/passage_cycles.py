@@ -183,7 +183,8 @@ def _omega_h(
 
 
 def _digits_for(distance: Fraction) -> int:
-    """Return the number of digits to which Omega_h is computed for a distance from it [rad/s].
+    """Return the number of digits to which Omega_h must be computed for a cycle at a distance from
+    it [rad/s].
 
     It is rounded up to a grid, so that most distances share Omega_h. The request omits
     `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
@@ -232,7 +233,8 @@ class PeriodLaw(NamedTuple):
     exponent: Measured
 
     def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
-        """Return three values of T [s]: by one, two and three terms of the law.
+        """Return the period T [s] that the law gives at a distance from Omega_h: by one, two and
+        three of its terms.
 
         Args:
             distance: The distance above Omega_h [rad/s].

@@ -66,7 +66,7 @@ _charts = lru_cache(maxsize=16)(ChartFamily)
 
 
 class Choice(NamedTuple):
-    """The parameters with which a global map is computed."""
+    """The settings with which the map between the saddles (`GlobalMap`) is computed."""
 
     order: int  #: the order of the charts
     bands: int  #: the bands of the charts
@@ -443,7 +443,7 @@ def _until(
 
 
 def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
-    """Return the integral of the divergence over a passage [1].
+    """Return the integral of the field's divergence over an orbit's passage of a saddle [1].
 
     It is the logarithm of the determinant of the flow's derivative, and follows from the charts'
     determinants.

@@ -57,7 +57,7 @@ _MAX_CYCLES = 60
 
 @dataclass(frozen=True)
 class PeriodPoint:
-    """A limit cycle of a fixed period, in the arithmetic it was solved in."""
+    """A limit cycle that was solved for at a fixed period, in one arithmetic."""
 
     half_period: Any  #: T / 2 [s]
     gamma_bar_0: Any  #: [rad]
@@ -92,7 +92,7 @@ def cycle_at_half_period(
     duration = precision.number(half_period)
 
     def size(iterate: Iterate[LimitCycle]) -> float:
-        """Return the largest part of a step, relative to its scale.
+        """Return the size of a Newton step: the largest of its parts, each relative to its scale.
 
         The state's scale is its distance from the saddle. The speed's is its derivative with
         respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
@@ -162,8 +162,8 @@ def lengthened(
 
 
 def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) -> tuple[Any, Any]:
-    """Return (gamma_bar_0, v_0) at another half period, along the tangent in logarithms of
-    distances from the saddle.
+    """Predict (gamma_bar_0, v_0) of the limit cycle with another half period, along the tangent in
+    logarithms of distances from the saddle.
 
     Args:
         point: The cycle to start from.
@@ -178,7 +178,8 @@ def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) 
 
 
 def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float) -> Any:
-    """Predict Omega [rad/s] at another half period, from a cycle and the one before.
+    """Predict the speed Omega [rad/s] of the limit cycle with another half period, from a cycle and
+    the one before.
 
     The distance from the limit is extrapolated as an exponential, at the rate at which the slopes
     fall. If they do not fall, the tangent is followed.
@@ -286,7 +287,7 @@ class PeriodContinuation:
 
     @property
     def latest(self) -> PeriodPoint:
-        """The last cycle."""
+        """The last cycle that the continuation has found."""
         return self.points[-1]
 
     def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:

@@ -19,7 +19,7 @@ _THREAD_ENGINES: Any = local()
 
 
 def default_engine() -> Engine:
-    """Return the thread's Taylor engine, which serves every friction law.
+    """Return the current thread's Taylor engine, which integrates under every friction law.
 
     It is kept, so that each thread compiles only once.
     """

@@ -89,12 +89,12 @@ class Baseline:
 
     @property
     def name(self) -> str:
-        """The name in results: ``scipy-`` and the method."""
+        """The name of this engine in results: ``scipy-`` and the method."""
         return f"scipy-{self.method}"
 
     @property
     def measures_error(self) -> bool:
-        """False: SciPy has no reliable error estimate."""
+        """False: this engine gives no half-widths, because SciPy has no reliable error estimate."""
         return False
 
     @property

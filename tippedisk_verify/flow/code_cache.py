@@ -45,7 +45,7 @@ _in_use: list[Any] = []
 
 
 def use_checked_cache(llvm_state: Any) -> None:
-    """Give heyoka a checked cache file in this package's cache folder.
+    """Let heyoka keep its compiled code in a cache file whose entries have been checked.
 
     heyoka uses no cache file if none is wanted or can be used.
 
@@ -127,7 +127,7 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
 
 
 def _digest(values: list[bytes | None]) -> bytes:
-    """Return bytes that change with each value and its length."""
+    """Return a checksum of a list of values, which changes with each value and its length."""
     parts = [value or b"" for value in values]
     return sha256(b"%a" % [*map(len, parts)] + b"".join(parts)).digest()
 

@@ -23,7 +23,9 @@ _RUN_COUNTER = count()
 
 
 class CompiledRunners:
-    """The compiled runners of an engine, each with a method ``run``. A pickled copy is empty."""
+    """The compiled integrators (runners) that an engine keeps, each with a method ``run``. A
+    pickled copy is empty.
+    """
 
     def __init__(self) -> None:
         self._slots: dict[Any, _Slot] = {}
@@ -32,7 +34,9 @@ class CompiledRunners:
         return CompiledRunners, ()
 
     def kept(self) -> list[Any]:
-        """Return all runners that are still kept, in the order of their compilation."""
+        """Return all compiled integrators that are still kept, in the order of their
+        compilation.
+        """
         return [slot.runner for slot in list(self._slots.values())]
 
     def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
@@ -75,7 +79,7 @@ class CompiledRunners:
 
 
 class _Slot:
-    """A runner with its lock and its time of last use."""
+    """A compiled integrator with its lock and its time of last use."""
 
     def __init__(self, runner: Any) -> None:
         self.runner, self.lock, self.running = runner, RLock(), False

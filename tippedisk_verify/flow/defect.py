@@ -199,10 +199,12 @@ class Defect:
         return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Return times (k,), errors and margins at the collocation nodes of all steps, in order.
+        """Return the run's states and their estimated errors at the collocation nodes of all steps,
+        in order.
 
-        The times come first, then polynomials, errors, carried roundings and the error of the
-        nodes, each (3, k).
+        Returns:
+            The times (k,). Then the values of the polynomials, their errors, the carried roundings
+            and the collocation error, each (3, k).
         """
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (
@@ -272,7 +274,9 @@ class Defect:
         )
 
     def _gained(self, rates: Any) -> Any:
-        """Return the integrals (n, 3, k) of the errors' rates over each step."""
+        """Return the integrals (n, 3, k) of the errors' rates over each step: the errors gained in
+        it.
+        """
         count, nodes, _, columns = rates.shape
         gained = self._weights @ rates.reshape(count, nodes, 3 * columns)
         return (self._steps * gained).reshape(count, 3, columns)
@@ -322,12 +326,12 @@ def _roundings(states: Any, moves: Any) -> Any:
 
 @lru_cache(maxsize=4)
 def _signs(count: int) -> Any:
-    """Return random signs (count, 3, draws), the same at every call."""
+    """Return an array of random signs (count, 3, draws), the same at every call."""
     return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _RANDOM_DRAWS))
 
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:
-    """Carry errors through all steps; return them at the start and after each step, (n + 1, 3, k).
+    """Add up errors along a run: return them at the start and after each step, (n + 1, 3, k).
 
     Each step multiplies the errors by its matrix ``carry`` and adds its own, ``gained``.
     """
@@ -348,7 +352,8 @@ def _gauss(nodes: int) -> tuple[Any, Any, Any]:
 
 
 def _integrals(shares: Any, basis: Any) -> Any:
-    """Return the integrals (k, nodes) of the basis from 0 to each of these shares of a step.
+    """Return the integrals (k, nodes) of the collocation's basis functions from 0 to each of these
+    shares of a step.
 
     It uses the discrete orthogonality on Gauss nodes and
 

@@ -214,7 +214,7 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
 
 
 class _Crossing(NamedTuple):
-    """The crossing of an event's surface by the true motion."""
+    """A crossing of an event's surface by the true motion, corrected for the run's error."""
 
     record: EventRecord  #: in wide arithmetic
     time: Any  #: (1,) in wide arithmetic [s]
@@ -224,7 +224,7 @@ class _Crossing(NamedTuple):
 
 
 class _Run:
-    """A run in doubles, with the error that its defect has caused along it."""
+    """A run in doubles with its estimated error, from the defect of its polynomials."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
@@ -450,10 +450,11 @@ class _Run:
 
 
 def _touching(times: Any, values: Any, share: float) -> Any:
-    """Return the indices of values that, with their neighbours, suggest a touch of zero.
+    """Return the indices in a sequence of values at which it may touch zero between the values
+    without changing sign.
 
-    The three values have one sign, and the parabola through them has its extremum nearby. The
-    extremum lies below ``share`` of the larger neighbour.
+    Each such value and its two neighbours have one sign, and the parabola through them has its
+    extremum nearby. The extremum lies below ``share`` of the larger neighbour.
     """
     before, middle, after = values[:-2], values[1:-1], values[2:]
     left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]

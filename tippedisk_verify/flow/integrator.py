@@ -65,11 +65,14 @@ class Series:
         )
 
     def __call__(self, times: Any) -> Any:
-        """Return the states (k, 3) at times (k,) [s]."""
+        """Return the states (k, 3) of the run at times (k,) [s]."""
         return self.values(times)[:, :3]
 
     def values(self, times: Any) -> Any:
-        """Return the values of all polynomials at times (k,) [s], a row for each time."""
+        """Return the values of all of the run's polynomials at times (k,) [s], a row for each time.
+
+        Besides the state there may be derivatives and the integral of the divergence.
+        """
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
@@ -129,7 +132,9 @@ def _grid_of(request: Request, duration: Any) -> Any:
 
 
 class CompiledStepper:
-    """A heyoka stepper for one kind of request, with the callbacks that record its events."""
+    """A compiled heyoka integrator for one kind of request, with the callbacks that record its
+    events.
+    """
 
     def __init__(
         self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool
@@ -196,7 +201,7 @@ class CompiledStepper:
         self._built = (self.build,)
 
     def _ending_events(self) -> list[Any]:
-        """Return heyoka's terminal events.
+        """Return the events at which heyoka stops, as its terminal events.
 
         Those of the request come first, then those that change the friction law's branch.
         """
@@ -227,7 +232,9 @@ class CompiledStepper:
         return events
 
     def _passing_event(self, event: Event) -> Any:
-        """Return a heyoka event that records crossings of an event without ending the run."""
+        """Return heyoka's event that records crossings of an event's surface without ending the
+        run.
+        """
         name, records, owned = event.name, self._records, self.precision.owned
 
         def record(stepper: Any, when: Any, sign: int) -> None:
@@ -315,9 +322,10 @@ class CompiledStepper:
             self._records.clear()
 
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
-        """Integrate until ``target`` [s] or the first terminal event.
+        """Integrate until the time ``target`` [s] or the first terminal event.
 
-        The series of the steps are kept if they are needed. With a grid, its states are.
+        The series of the steps are kept if they are needed. If the run has a grid of times, the
+        states there are kept.
 
         Returns:
             heyoka's outcome, the smallest step and the number of steps.
@@ -355,7 +363,11 @@ class CompiledStepper:
     def _integrated(
         self, start: Start, on: StartSurfaces, duration: Any, max_steps: int
     ) -> tuple[Any, Any, int]:
-        """Integrate until the final time or the first terminal event (see `_until`)."""
+        """Integrate from a start until the final time or the first terminal event, and return what
+        `_until` returns.
+
+        The start may lie on an event's surface.
+        """
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
         if self._two_sided and not ended and self._branch.lost:
@@ -428,7 +440,8 @@ class CompiledStepper:
         return True
 
     def _index(self, outcome: Any) -> int | None:
-        """Return the index of the request's terminal event that ended the run, if any.
+        """Return the index of the request's terminal event that ended the run; None if no such
+        event did.
 
         heyoka numbers them -1, -2, ...
         """
@@ -441,7 +454,9 @@ class CompiledStepper:
         return index is not None and self._terminal[index].name in on.names
 
     def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
-        """Return the reason why a run did not reach its end, and record a terminal event."""
+        """Return the status of a run that did not reach its end, and record the terminal event if
+        there was one.
+        """
         if self._two_sided and self._branch.ended:
             return Status.EVENT
         index = self._index(outcome)

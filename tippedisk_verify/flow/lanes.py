@@ -59,7 +59,7 @@ class BatchResult(Printable):
 
 
 def field_constants(parameters: Parameters) -> Array:
-    """Return the field's constants in double as an array.
+    """Return a disk's constants in the equations of motion as an array of doubles.
 
     They are (r, e, a, b, g, k), or traction and epsilon instead of k under the smooth law.
 
@@ -157,7 +157,9 @@ class BatchTaylor:
         ops = _shifted(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
-            """Return True if a crossing is only a start, or a rest, on the surface."""
+            """Return True if a recorded crossing is not a true one: the run starts, or rests, on
+            the event's surface.
+            """
             if abs(when) > MAX_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]
@@ -178,7 +180,7 @@ class BatchTaylor:
 
 
 class _CompiledBatch:
-    """A heyoka batch integrator for one kind of request."""
+    """A compiled heyoka integrator for many runs of one kind at once."""
 
     def __init__(
         self,

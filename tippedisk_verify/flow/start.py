@@ -34,7 +34,9 @@ ROUNDINGS = 64
 
 
 class Start(NamedTuple):
-    """The start of a run in one arithmetic, or of many runs as arrays, with the field at it."""
+    """The start of a run: state, speed, constants and friction law in one arithmetic, or of many
+    runs as arrays.
+    """
 
     ops: Ops
     constants: Constants
@@ -45,7 +47,7 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
-        """Return the start of a request as numbers of one arithmetic.
+        """Convert the start of a requested run to numbers of one arithmetic.
 
         Args:
             request: The run.
@@ -57,7 +59,7 @@ class Start(NamedTuple):
         return cls(ops, constants, request.law, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
-        """Return the event's function at the start, or at another state.
+        """Return the value of an event's function at the run's start, or at another state.
 
         Args:
             event: The event.
@@ -68,7 +70,7 @@ class Start(NamedTuple):
         )
 
     def rates(self, state: Sequence[Any]) -> Sequence[Any]:
-        """Return the field at a state [rad/s, rad/s, rad/s^2].
+        """Return the rates of motion at a state [rad/s, rad/s, rad/s^2].
 
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
@@ -86,7 +88,8 @@ class Start(NamedTuple):
         return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
 
     def lies_on(self, event: Event, epsilon: float) -> bool:
-        """Return True if the event's function is zero at the start, up to its rounding.
+        """Return True if the run's start lies on an event's surface: the event's function is zero
+        there, up to rounding.
 
         Args:
             event: The event.
@@ -130,7 +133,7 @@ NO_SURFACES = StartSurfaces(())
 
 
 def at_rest(request: Request) -> bool:
-    """Return True if the start is an equilibrium to the last bit.
+    """Return True if a run's start is an equilibrium to the last bit.
 
     Its event functions may vanish, but it crosses no surface.
 
@@ -144,7 +147,7 @@ def at_rest(request: Request) -> bool:
 
 
 def starts_on_a_surface(request: Request) -> bool:
-    """Return True if the start lies on an event's surface, up to rounding in its arithmetic.
+    """Return True if a run's start lies on an event's surface, up to rounding in its arithmetic.
 
     Args:
         request: The run.

@@ -73,12 +73,12 @@ class Taylor:
 
     @property
     def name(self) -> str:
-        """The name in results."""
+        """The name of this engine in results."""
         return "taylor"
 
     @property
     def measures_error(self) -> bool:
-        """True: results can have half-widths."""
+        """True: this engine can give half-widths of its results."""
         return True
 
     @property
@@ -124,7 +124,8 @@ class Taylor:
         return result
 
     def _with_error(self, request: Request, result: Result) -> Result:
-        """Return the result with half-widths, from its defect or else from a wider run.
+        """Return the result of a run with half-widths, from its defect or else from a run in wider
+        arithmetic.
 
         A run that stopped early gets no half-widths. Where doubles give none because the start lies
         on an event's surface up to rounding, the run is corrected in wider arithmetic.
