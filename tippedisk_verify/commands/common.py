@@ -60,7 +60,7 @@ _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens":
 # ---------------------------------------------------------------------------------- common options
 @dataclass(frozen=True)
 class Output:
-    """The output options of a command that is not about one disk."""
+    """The options of a command that say how its result is printed."""
 
     json: bool
     quiet: bool
@@ -108,7 +108,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Common(Output):
-    """The common options of a command about one disk."""
+    """The options that all commands about one disk share, with the disk."""
 
     disk: Any
     digits: int
@@ -263,7 +263,9 @@ def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
 
 
 def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Return a decorator as `command` does, for a function about one disk that takes a `Common`.
+    """Return a decorator that makes a command about one disk of a function.
+
+    The function takes a `Common` and the options declared below the decorator, as with `command`.
 
     Args:
         help_text: The help of the command.
@@ -298,7 +300,9 @@ def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool
 
 
 def group(name: str, help_text: str, *commands: click.Command) -> click.Group:
-    """Make a group of commands, which prints its help if it is called without one of them."""
+    """Make a command-line group of subcommands, which prints its help if it is called without one
+    of them.
+    """
 
     def show_help() -> None:
         context = click.get_current_context()
@@ -341,7 +345,9 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator
 
 
 def _width() -> int:
-    """Return the number of characters in a terminal's line; a file's lines have no limit."""
+    """Return the number of characters in a line of the terminal; the lines of a file
+    have no limit.
+    """
     return shutil.get_terminal_size().columns if sys.stdout and sys.stdout.isatty() else sys.maxsize
 
 
@@ -363,7 +369,9 @@ MOTION = ("t", "beta", "gamma", "v")
 
 
 def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return a row by column name for each time of a motion, from its columns as data for JSON."""
+    """Convert the columns of a motion's table, as data for JSON, to rows: one for each time, by
+    column name.
+    """
     return [dict(zip(MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
 
 

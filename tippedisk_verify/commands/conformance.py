@@ -329,7 +329,7 @@ def _digits(change: dict[str, Any]) -> str:
 
 
 def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, Store]:
-    """Read a sheet, and return its answers and the store with the true values.
+    """Read a sheet of answers, and return the answers and the store with the true values.
 
     Raises:
         InputError: If the sheet cannot be read, or none of its ids is a question.
@@ -410,7 +410,7 @@ class _Wanted:
         broke_off: str = "",
         **more: Any,
     ) -> int:
-        """Diagnose the grades, print and write them, and return the exit status.
+        """Diagnose the grades of a sheet, print and write the report, and return the exit status.
 
         ``more`` holds further fields of the `Report`.
         """

@@ -114,7 +114,7 @@ class Cli(click.Group):
             self.add_command(command)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands in the order of the sections."""
+        """Return the names of all commands in the order of the help's sections."""
         return [str(command.name) for members in self.sections.values() for command in members]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -123,7 +123,7 @@ class Cli(click.Group):
         return None if command is None else _completed(command, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands, by section."""
+        """Write the list of commands into the help text, by section."""
         for title, members in self.sections.items():
             with formatter.section(title):
                 formatter.write_dl([(str(command.name), _sentence(command)) for command in members])

@@ -145,7 +145,7 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
 
 
 def _distances(text: str) -> list[str]:
-    """Return the distances that FIRST:LAST:COUNT means, as decimals of three digits.
+    """Return the distances that the text FIRST:LAST:COUNT means, as decimals of three digits.
 
     They are evenly spaced in the logarithm. Raises InputError for another text.
     """

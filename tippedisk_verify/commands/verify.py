@@ -158,7 +158,8 @@ def _verdict_lines(
     long: bool,
     equations: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield the verdict on each named equation, then a table of the claims.
+    """Yield the lines that an audit prints: the verdict on each named equation, then a table of the
+    claims.
 
     If equations are named, or ``long`` is true, the details of each claim replace the table.
     """

@@ -154,7 +154,9 @@ class Program:
             stream.close()
 
     def _fate(self) -> str:
-        """Return a description of how the program has ended; "" while it runs."""
+        """Return a description of how the program has ended, by its exit status or signal; "" while
+        it runs.
+        """
         code = self._process.poll()
         if code is None:
             return ""

@@ -90,7 +90,11 @@ class Grade(Printable):
         return self.verdict in ("few-digits", "wrong", "not-a-number", "unreadable")
 
     def shortfall(self, wanted: float) -> str:
-        """Return one line on how the answer falls short of ``wanted`` digits."""
+        """Return one line of text about an answer with fewer than the ``wanted`` digits: how many
+        it has, and the truth.
+
+        For an answer that is not a number it has the reason.
+        """
         short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
         return (
             f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
@@ -301,7 +305,8 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
 
 
 def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
-    """Return the tallies of all levels that have questions, without optional ones.
+    """Count the grades by level: return the tallies of all levels that have questions, without
+    optional ones.
 
     Args:
         grades: The grades of a sheet.
@@ -318,7 +323,8 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]
 
 
 def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
-    """Return the tallies by level, quantity and friction law, in the order of the questions.
+    """Count the grades by level, quantity and friction law: return the tallies in the order of the
+    questions.
 
     Args:
         grades: The grades of a sheet.
@@ -361,7 +367,7 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
 
 @arithmetic()
 def answer_text(answer: object) -> str:
-    """Return an answer as the decimal that it stands for.
+    """Convert an answer of any kind to the text of its decimal.
 
     Args:
         answer: A number of any kind or a decimal string.

@@ -65,7 +65,9 @@ class Report(Printable):
         return graded and not any(grade.failed for grade in counting)
 
     def __str__(self) -> str:
-        """Return at most ten lines: the result, the diagnosis, the remarks and the failures."""
+        """Return the report in at most ten lines: the result, the diagnosis, the remarks and the
+        failures.
+        """
         lines = [
             self.headline(),
             *(diagnosis.says() for diagnosis in self.diagnoses),
@@ -110,7 +112,7 @@ class Report(Printable):
 
     @property
     def quantities(self) -> list[Tally]:
-        """The tallies by quantity, at the levels that fail."""
+        """The tallies of answers by quantity, for the levels that fail."""
         failing = {level.level for level in self.levels if level.failed}
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
@@ -163,7 +165,8 @@ class Report(Printable):
         return said + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
-        """Return a remark for each reason why answers are not numbers, with the first such answer.
+        """Return remarks on answers that are not numbers, one for each reason, with the first such
+        answer.
 
         At most five reasons are given, and the number of the others.
         """
@@ -211,7 +214,9 @@ class Report(Printable):
         return said
 
     def csv(self) -> str:
-        """Return the tallies by level, quantity and friction law as the text of a CSV file."""
+        """Return the tallies of answers by level, quantity and friction law as the text of a CSV
+        file.
+        """
         columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
@@ -264,7 +269,7 @@ def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """Return a number followed by the words for one thing or for several.
+    """Return a text with a number, followed by the words for one thing or for several.
 
     Args:
         number: The number.
@@ -275,7 +280,7 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def shade(verdict: str) -> str:
-    """Return the name of a verdict's colour; "" if nothing was graded.
+    """Return the name of the colour in which a verdict is shown; "" if nothing was graded.
 
     Args:
         verdict: The verdict on an answer or on a level.
@@ -293,7 +298,8 @@ def shown_digits(digits: float) -> str:
 
 
 def shown_least(tally: Tally) -> str:
-    """Return the least digits in a tally as text; "none" if one of its answers is not a number.
+    """Return the least number of digits in a tally of answers as text; "none" if one of its answers
+    is not a number.
 
     Args:
         tally: The tally of the level or the quantity.

@@ -133,7 +133,9 @@ def questions(
 
 
 def _optional_ones(quantity: Quantity) -> list[Quantity]:
-    """Return the optional questions that follow M of a state, without answers; [] for others."""
+    """Return the optional questions about a state, from the question about its M, without answers;
+    [] for other questions.
+    """
     blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
     names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
     return [
@@ -222,7 +224,8 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
 
 
 def answer_line(line: str) -> Row | None:
-    """Return the answer that one line of JSON gives; None if it gives no answer.
+    """Read one line of JSON that a program has written, and return the answer in it; None if it
+    gives no answer.
 
     Args:
         line: The line.
@@ -383,7 +386,10 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
-    """Return names in a sheet as text for a message, as many as fit; "none" without a name."""
+    """Return names found in a sheet as text for a message, as many as fit; "none" without a name.
+
+    A likely meant name follows each that is not known.
+    """
     return (
         ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
     )

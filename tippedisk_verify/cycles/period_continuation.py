@@ -314,7 +314,9 @@ class PeriodContinuation:
 
     @property
     def above(self) -> Fraction:
-        """Omega - Omega_h of the last cycle [rad/s], negative if cycles lie below."""
+        """The distance Omega - Omega_h [rad/s] of the last cycle found, negative if cycles lie
+        below Omega_h.
+        """
         return fraction(self.latest.omega) - self.asymptotics.omega_h
 
     def further(self, least: Fraction) -> None:

@@ -95,12 +95,16 @@ class Image(NamedTuple):
 
     @property
     def _rows(self) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
-        """The rows of (P' - 1 | dP/dOmega)."""
+        """The rows of the matrix (P' - 1 | dP/dOmega), the linear part of a Newton step's
+        equations.
+        """
         (a, b), (c, d) = self.matrix
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
     def _held_row(self, held: FixedQuantity) -> tuple[Any, Any, Any]:
-        """Return the derivatives of the held quantity with respect to both coordinates and Omega."""
+        """Return the derivatives of the quantity that a Newton step holds, with respect to both
+        coordinates and Omega.
+        """
         if held == "time":
             return (*self.time_by_state, self.time_by_omega)
         return (1, 0, 0) if held == "coordinate" else (0, 0, 1)
@@ -216,7 +220,9 @@ class ReturnMap(Generic[C]):
         return image * end[a] - point[0], image * end[b] - point[1]
 
     def measures(self, flight: Result) -> dict[str, Any]:
-        """Return the section's measures by name, from a flight with its ``recorded`` events."""
+        """Return further numbers of a limit cycle by name, such as the largest lean, from a flight
+        with its ``recorded`` events.
+        """
         return self.section.measured(
             ((event.name, event.state) for event in flight.events), abs(0 * flight.time)
         )
@@ -270,7 +276,9 @@ class ReturnMap(Generic[C]):
         return self.residual(result.state, (0, 0))
 
     def _state(self, point: Any) -> list[Any]:
-        """Return (beta_bar, gamma_bar, v) of a point on the section."""
+        """Return the state (beta_bar, gamma_bar, v) of a point on the section, given by its two
+        coordinates.
+        """
         state = [*point]
         state.insert(self.section.fixed, self._edge)
         return state

@@ -86,7 +86,7 @@ class RotatingFamily(Family):
         self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 
     def reach(self, omega: float) -> None:
-        """Follow the family beyond its fold to a speed.
+        """Follow the family beyond its fold, up to the speed ``omega``.
 
         Args:
             omega: The speed [rad/s].

@@ -53,7 +53,9 @@ VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 
 
 class Measure(NamedTuple):
-    """A number of the cycle that an event of a flight gives: a component of the state there."""
+    """A further number of a limit cycle: a component of the state at an event of a flight, such as
+    the largest lean.
+    """
 
     name: str  #: the name in the result
     event: Event
@@ -63,8 +65,10 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Section(Generic[C]):
-    """A section for one kind of cycle, with the symmetry that closes it. Sections compare by
-    identity.
+    """A section of the state space for one kind of limit cycle, with the symmetry that closes a
+    flight to a cycle.
+
+    Sections compare by identity.
     """
 
     name: str
@@ -184,7 +188,8 @@ class Section(Generic[C]):
         }
 
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
-        """Return the section's measures on one flight, by name.
+        """Return the section's measures, further numbers of a cycle such as the largest lean, by
+        name, from the events of one flight.
 
         Args:
             events: The (name, state) pairs of the ``recorded`` events of one flight.

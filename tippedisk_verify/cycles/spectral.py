@@ -58,8 +58,9 @@ _SETTLED = 1e-9  # a step after which only rounding in double is left
 # --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
 class BalancedCycle(Printable):
-    """A limit cycle from spectral harmonic balance. Half-widths are from a balance of more
-    harmonics.
+    """A librating limit cycle from spectral harmonic balance.
+
+    Half-widths are from a balance of more harmonics.
     """
 
     omega: Fraction  #: the spinning speed [rad/s]

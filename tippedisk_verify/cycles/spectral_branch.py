@@ -92,7 +92,8 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
 def _solved(
     a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
 ) -> Any | None:
-    """Solve ``residual`` = 0 by Newton's iteration with the derivative ``matrix``.
+    """Solve the collocation equations ``residual`` = 0 for a limit cycle by Newton's iteration,
+    with their derivative ``matrix``.
 
     The unknowns are a point (n + 2,), and any further ones after it. Returns them, or None if the
     iteration does not converge, or leaves the cycles of this kind.
@@ -275,8 +276,8 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
 
 # --------------------------------------------------------------------------------- librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
-    """Return a generator of the librating cycles' branch from the Hopf point on, in the form of
-    `_walk`.
+    """Return a generator that follows the librating limit cycles from the Hopf point on, and yields
+    what `_walk` yields.
     """
     # The square of beta's amplitude over that of gamma's.
     share = float(parameters.e / (parameters.r + parameters.e))
@@ -370,8 +371,8 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
 
 
 def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
-    """Return the point (n + 2,) of a rotation of the rolling disk with beta_bar = lean at the
-    bottom.
+    """Return a guess of a rotating cycle, as a collocation point (n + 2,): a rotation of the
+    rolling disk with beta_bar = lean at the bottom.
 
     The rolling disk conserves (r + e sin gamma) sin beta.
     """

@@ -134,7 +134,8 @@ def fixed_point_near(
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """Predict (gamma_bar_0, v_0) of the cycle at a distance above Omega_h [rad/s].
+    """Predict the start (gamma_bar_0, v_0) of the librating limit cycle at a distance above Omega_h
+    [rad/s].
 
     The family is followed in its period to about the root of ``above``.
     """
@@ -148,8 +149,8 @@ def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
 def _fixed_point(
     return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction
 ) -> FixedPoint[C]:
-    """Solve for the fixed point by Broyden's iteration in the map's arithmetic, until the next step
-    would be rounding.
+    """Solve for a fixed point of the return map by Broyden's iteration in the map's arithmetic,
+    until the next step would be rounding.
 
     Raises NoSuchCycleError if it does not converge, or leaves the neighbourhood of the connection.
     """

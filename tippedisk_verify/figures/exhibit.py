@@ -21,7 +21,7 @@ _MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
 
 @dataclass(frozen=True)
 class Drawing:
-    """The result of drawing an exhibit."""
+    """The result of drawing a figure of the report: the picture, its data and what to see in it."""
 
     figure: Callable[[int], Any]  #: draws it in a given number of columns
     columns: int  #: the number of columns on a wide page
@@ -46,7 +46,9 @@ class Exhibit:
 
     @property
     def source(self) -> str:
-        """The published numbers of the figures that it redraws, followed by their labels."""
+        """The published numbers of the paper's figures that this figure redraws, followed by their
+        labels.
+        """
         return f"{cited(self.labels)}, {self.labels}" if self.labels else ""
 
 

@@ -57,7 +57,8 @@ def _birth(parameters: Parameters) -> tuple[float, ...]:
 
 
 def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Rows:
-    """Return Omega [rad/s], amplitude [rad] and period [s] of a one-harmonic law.
+    """Return the rows of a plot of a one-harmonic law: Omega [rad/s], amplitude [rad] and period
+    [s].
 
     Args:
         parameters: The disk.

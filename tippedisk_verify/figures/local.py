@@ -19,8 +19,8 @@ _STEPS = 200  # up to Omega_crit; where the two real eigenvalues meet they chang
 
 
 def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
-    """Return rows of Omega [rad/s], and Re and Im [1/s] of the three eigenvalues of inverted
-    spinning.
+    """Return the rows of a plot of inverted spinning's three eigenvalues: Omega [rad/s], and their
+    Re and Im [1/s].
 
     The speeds go up to 2 Omega_crit.
     """

@@ -50,7 +50,7 @@ class Race(Printable):
         return data_frame([score.to_dict() for score in self.scores])
 
     def plot(self, columns: int = 2) -> Any:
-        """Return the work-precision diagram as a matplotlib figure.
+        """Draw the work-precision diagram of the race, and return the matplotlib figure.
 
         Args:
             columns: The number of panels side by side.

@@ -146,7 +146,8 @@ def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
 
 
 def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """Draw the panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D).
+    """Draw the orbits of the paper's scenes, projected onto the (beta, gamma) plane, a panel for
+    each (the paper's Figure proj_3D).
 
     Args:
         panels: The panels.
@@ -183,7 +184,8 @@ def _legend(figure: Any, columns: int, surface: bool = False) -> None:
 
 
 def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """Draw the panels in space, with the slow manifold of orders 0 and 1 (the paper's Figure 3D).
+    """Draw the orbits of the paper's scenes in space, with the slow manifold of orders 0 and 1, a
+    panel for each (the paper's Figure 3D).
 
     Args:
         panels: The panels.

@@ -131,7 +131,7 @@ class Approximate:
 
 
 class Binary(NamedTuple):
-    """The number ``mantissa * 2**exponent``, both integers."""
+    """An exact floating-point number, ``mantissa * 2**exponent``, both integers."""
 
     mantissa: int
     exponent: int
@@ -354,7 +354,8 @@ def quotient(ctx: Any, value: Fraction) -> Any:
 
 
 def whole(value: object, least: int, most: int) -> int | None:
-    """Return an integer of any kind as an int if ``least <= value <= most``; otherwise None.
+    """Convert an integer of any kind to an int if ``least <= value <= most``; return None for any
+    other object.
 
     Args:
         value: An object of any type.
@@ -370,7 +371,7 @@ def whole(value: object, least: int, most: int) -> int | None:
 
 
 def shown(value: object) -> str:
-    """Return the first forty characters of a value's text, on one line, for messages."""
+    """Return a value as text for a message: its first forty characters, on one line."""
     try:
         # `python -bb` refuses str() of these
         text = repr(value) if isinstance(value, bytes | bytearray) else str(value)

@@ -45,7 +45,8 @@ _IMAGINARY_STEP = (
 
 
 def _default_slope(c: Any) -> Any:
-    """Return the slope mu m g / epsilon [N s/m] of both of the paper's laws at zero.
+    """Return the slope mu m g / epsilon [N s/m] at zero sliding velocity that both of the paper's
+    friction laws have.
 
     Args:
         c: The parameters.
@@ -134,7 +135,9 @@ class FrictionLaw:
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """The names of the runtime parameters that this law adds to the compiled field."""
+        """The names of the runtime parameters that this friction law adds to the compiled equations
+        of motion.
+        """
         return (*constants_used(self.force), *_GUARD_CONSTANTS)
 
     def guard(self, ops: Any, gamma_y: Any, c: Any) -> Any:
@@ -250,7 +253,9 @@ class FrictionLaw:
 
 
 class _Recorder:
-    """Constants of value 1 that record which of them a function reads."""
+    """A stand-in for a disk's parameters, all of value 1, that records which of them a function
+    reads.
+    """
 
     def __init__(self) -> None:
         self.names = {"m": None}  # every force is divided by the mass
@@ -295,7 +300,7 @@ def _taylor_coefficients(
 
 
 class _Linear(FrictionLaw):
-    """The linear law, Eq. lin_lambda_y_3DOF."""
+    """The paper's linear friction law, Eq. lin_lambda_y_3DOF."""
 
     is_linear = True
     has_guard = False
@@ -320,7 +325,7 @@ class _Linear(FrictionLaw):
 
 
 class _SmoothCoulomb(FrictionLaw):
-    """The smooth Coulomb law, Eq. lambda_y_3DOF."""
+    """The paper's smooth Coulomb friction law, Eq. lambda_y_3DOF."""
 
     has_guard = False
 
@@ -356,7 +361,9 @@ class _SmoothCoulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class _Polynomial(FrictionLaw):
-    """A law whose deceleration is a Taylor polynomial, for arguments that are power series."""
+    """A friction law whose deceleration is a Taylor polynomial, for sliding velocities that are
+    power series.
+    """
 
     terms: tuple[Any, ...] = ()  #: the coefficients of gamma_y, gamma_y^2, ...
 
@@ -394,7 +401,7 @@ LAWS: dict[str, FrictionLaw] = {
 
 
 def law_of(friction: object) -> FrictionLaw:
-    """Return the `FrictionLaw` of a name; a law is returned unchanged.
+    """Return the friction law of a name; a `FrictionLaw` is returned unchanged.
 
     Args:
         friction: ``linear``, ``smooth`` or a `FrictionLaw`.

@@ -200,7 +200,7 @@ class Bounded(Approximate):
     __ceil__ = partialmethod(_integer, math.ceil)
 
     def __round__(self, digits: int | None = None) -> Any:
-        """Round to ``digits`` decimals, or to an integer without them.
+        """Round the number to ``digits`` decimals, or to an integer without them.
 
         The change by rounding to decimals is added to the half-width.
         """
@@ -306,7 +306,7 @@ class Bounded(Approximate):
 
 
 class HalfWidth(Fraction):
-    """A half-width: a rational whose formatted text is rounded up, so that it still holds.
+    """A half-width as a rational number whose formatted text is rounded up, so that it still holds.
 
     A number whose error was not measured has one beyond `_UNMEASURED`, which is shown as infinite.
     """
@@ -483,7 +483,8 @@ def _operand(other: object) -> Measured | None:
 
 
 def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fraction, Fraction]:
-    """Return a lower and an upper bound of a function's values between ``low`` and ``high``.
+    """Return a lower and an upper bound of a function's values over the interval from ``low`` to
+    ``high``.
 
     The function, sqrt, log, exp, sin or cos, is evaluated in mpmath's interval arithmetic.
     """

@@ -227,7 +227,7 @@ class Parameters(Printable):
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
     def with_friction(self, friction: Friction | FrictionLaw) -> Parameters:
-        """Return the same disk, with the same name, under this friction law.
+        """Return the same disk, with the same name, under another friction law.
 
         Args:
             friction: ``linear``, ``smooth`` or a `FrictionLaw`.
@@ -329,13 +329,12 @@ class Parameters(Printable):
 
     @property
     def law(self) -> FrictionLaw:
-        """The friction law."""
+        """The friction law of the disk, as a `FrictionLaw`."""
         return law_of(self.friction)
 
     def definition(self) -> str:
-        """Return one text with the eight exact numbers of the equations and their units.
-
-        It identifies the disk to which a statement applies.
+        """Return a text that identifies the disk to which a statement applies: its eight exact
+        numbers with their units.
         """
         return ", ".join(
             f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(

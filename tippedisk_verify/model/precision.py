@@ -83,17 +83,19 @@ class Precision:
 
     @cached_property
     def epsilon(self) -> Fraction:
-        """The distance from 1 to the next number, 2**(1 - bits)."""
+        """The distance from 1 to the next number in this precision, 2**(1 - bits)."""
         return Fraction(1, 1 << (self.bits - 1))
 
     @cached_property
     def digits(self) -> int:
-        """The number of decimal digits that the mantissa holds."""
+        """The number of decimal digits that the mantissa of this precision holds."""
         return int((self.bits - 1) * math.log10(2))
 
     @cached_property
     def type(self) -> Any:
-        """The scalar type: float, numpy.longdouble, heyoka.real128 or heyoka.real."""
+        """The scalar type of numbers in this precision: float, numpy.longdouble, heyoka.real128 or
+        heyoka.real.
+        """
         if self.kind == "double":
             return float
         if self.kind == "extended":
@@ -117,7 +119,7 @@ class Precision:
         )
 
     def _mpfr_functions(self) -> Any:
-        """Return functions of heyoka's MPFR numbers, computed by mpmath.
+        """Return a namespace of functions for heyoka's MPFR numbers, computed by mpmath.
 
         NumPy's functions would go through arrays, which leak memory. A result that is not a finite
         real number becomes NaN.
@@ -289,7 +291,7 @@ QUADRUPLE = Precision("quadruple", 113)
 
 
 def bits(count: int) -> Precision:
-    """Return the MPFR arithmetic with ``count`` bits.
+    """Return the arithmetic of MPFR numbers with ``count`` bits.
 
     Args:
         count: The number of bits.
@@ -408,7 +410,7 @@ def heyoka_types() -> ModuleType:
 
 
 class _ThreadContexts(threading.local):
-    """The mpmath contexts of each thread, by their bits."""
+    """The mpmath contexts that each thread keeps, by their bits."""
 
     def __init__(self) -> None:
         self.context = lru_cache(maxsize=256)(_context)

@@ -87,7 +87,7 @@ def quantities(kind: type) -> dict[str, QuantityMeaning]:
 
 
 class Printable:
-    """The base of all results: each prints itself from the fields of its dataclass."""
+    """The base class of all results: each prints itself from the fields of its dataclass."""
 
     __slots__ = ()
 

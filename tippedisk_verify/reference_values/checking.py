@@ -51,7 +51,7 @@ class StoredItem:
 
 
 def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
-    """Group a store's values by question.
+    """Group the reference values of a store by question.
 
     Args:
         store: The store.

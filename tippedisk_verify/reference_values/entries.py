@@ -97,7 +97,9 @@ def case_of(item: Item, reading: Reading) -> ExactItem:
 
 
 def trimmed(measured: Measured, digits: int) -> Measured:
-    """Round a number to ``digits`` significant digits; add the rounding error to its half-width."""
+    """Round a number with a half-width to ``digits`` significant digits; add the rounding error to
+    its half-width.
+    """
     size = abs(measured.value)
     places = len(str(size.denominator)) - len(str(size.numerator)) + digits
     return round(measured, places) if size else measured

@@ -104,7 +104,7 @@ def placed(name: str, kind: str) -> tuple[str, dict[str, str]]:
 
 
 def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
-    """Return a question's fields by column, without the columns that do not apply.
+    """Return a question as texts by column, without the columns that do not apply.
 
     Args:
         parameters: The disk's parameters as decimals.

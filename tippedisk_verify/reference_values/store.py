@@ -45,7 +45,7 @@ OPTIONAL = ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
 
 
 class Definition(NamedTuple):
-    """The level, unit and meaning of a quantity."""
+    """The level, unit and meaning of a quantity in the reference data."""
 
     level: int  #: of difficulty, from 1 to 10
     unit: str
@@ -70,7 +70,9 @@ def codebook() -> dict[str, dict[str, Definition]]:
 
 
 def definition_of(kind: str, quantity: str) -> Definition:
-    """Return the definition of a quantity; its name may include a place such as ``@0.5``."""
+    """Return the definition of a quantity in the reference data; its name may include a place such
+    as ``@0.5``.
+    """
     name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
     if name in of_kind:
         return of_kind[name]
@@ -132,7 +134,9 @@ class Quantity(Printable, Bounded):
 
     @property
     def parameters(self) -> Mapping[str, str]:
-        """The parameters r, e, m, A, B, g, mu and epsilon of its disk, as decimals [SI]."""
+        """The parameters r, e, m, A, B, g, mu and epsilon of the disk to which the reference value
+        belongs, as decimals [SI].
+        """
         decimals = disk_of(self.set).decimals()
         return MappingProxyType({symbol: decimals[symbol] for symbol in SYMBOLS})
 
@@ -184,7 +188,7 @@ class Quantity(Printable, Bounded):
         return type(self).__name__
 
     def __str__(self) -> str:
-        """Return the value with its half-width."""
+        """Return the reference value with its half-width as text."""
         return " ± ".join(self.values[self.reading])
 
     def to_dict(self) -> dict[str, Any]:

@@ -390,7 +390,7 @@ def orbit(
 
 
 def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
-    """Return the numbers of an orbit in the paper's angles.
+    """Return the numbers of an orbit in the paper's angles, with half-widths, by name.
 
     Args:
         case: The question in one reading.
@@ -423,7 +423,9 @@ def _named(case: ExactItem, result: Any) -> Values:
 
 
 def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
-    """Find a cycle's point on its section by shooting in double precision from known numbers."""
+    """Find the fixed point of a limit cycle on its section by shooting in double precision,
+    starting from known numbers.
+    """
     section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
     return shoot(

@@ -60,7 +60,9 @@ def html_page(
 
 
 def markdown_page(results: dict[str, Any]) -> str:
-    """Return the report in Markdown, with links to the figures as PNG files in the same folder."""
+    """Return the report of an audit in Markdown, with links to the figures as PNG files in the same
+    folder.
+    """
     return re.sub(r"\n{3,}", "\n\n", _page("page.md", results))
 
 

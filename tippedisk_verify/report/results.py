@@ -97,7 +97,7 @@ def verdict_words(entry: dict[str, Any]) -> str:
 
 
 def _fault(claim: Claim, finding: Finding) -> Fault | None:
-    """Return the reason why the claim does not follow, or None for any other verdict."""
+    """Return the reason why a claim does not follow, or None for any other verdict."""
     if finding.verdict is not Verdict.DOES_NOT_FOLLOW:
         return None
     return claim.fault or Fault("differs", "what is computed differs from what is printed", "")

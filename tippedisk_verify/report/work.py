@@ -52,7 +52,7 @@ class AuditRecords:
 
 
 def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
-    """Return the tasks of an audit.
+    """Return the list of tasks of which an audit consists.
 
     Args:
         order: The audit.
@@ -102,7 +102,7 @@ def _exhibit(name: str) -> Any:
 
 @lru_cache(maxsize=1)
 def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
-    """Return the audit that all tasks of this process share.
+    """Return the `Audit` object that all tasks of this process share, which computes claims.
 
     It computes connections, families and panels once. ``name`` is part of the cache's key, because
     equal disks may have different names.
@@ -214,7 +214,8 @@ def _there(
     keep: Callable[[Task, Any], None],
     advance: Callable[[str, int], None],
 ) -> None:
-    """Compute the heavy tasks on the executor, and meanwhile the light ones in this process.
+    """Compute the heavy tasks of an audit on the executor, and meanwhile the light ones in this
+    process.
 
     Each result goes to ``keep``. Tasks of a broken executor are computed here.
     """

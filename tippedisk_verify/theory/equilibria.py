@@ -198,7 +198,10 @@ def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any,
 
 
 def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
-    """Return A33 [1/s] at inverted spinning, the paper's lambda_3 up to O(eps) (Eq. closed_la3).
+    """Return an estimate of the fast eigenvalue lambda_3 of inverted spinning: the Jacobian's entry
+    A33 [1/s].
+
+    It is the paper's lambda_3 up to O(eps) (Eq. closed_la3).
 
     Args:
         parameters: The disk.

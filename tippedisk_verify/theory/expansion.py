@@ -16,7 +16,8 @@ Coefficients = dict[tuple[int, int, int], Any]
 
 
 class LocalExpansion(NamedTuple):
-    """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic).
+    """The expansion of the equation of motion M v' - h = f_G + w_y lambda_Ty about inverted
+    spinning, in its four parts (Eq. eqm_quartic).
 
     The friction law is linear.
     """

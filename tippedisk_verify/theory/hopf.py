@@ -72,7 +72,7 @@ Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 @dataclass(frozen=True, repr=False)
 class HopfPoint(Printable):
-    """The local properties of the Hopf point, to the requested digits."""
+    """The Hopf point of inverted spinning and its local properties, to the requested digits."""
 
     omega_crit: Measured = field(
         metadata=quantity(
@@ -123,7 +123,9 @@ class HopfPoint(Printable):
 
 
 class AmplitudeLaw(NamedTuple):
-    """The coefficients c_1 and c_2 of the amplitude law, divided by Omega_crit, exactly."""
+    """The exact coefficients c_1 and c_2 of the amplitude law at the Hopf point, divided by
+    Omega_crit.
+    """
 
     quadratic: Fraction  #: c_1 / Omega_crit [1/rad^2]; friction does not enter
     quartic: Fraction  #: c_2 / Omega_crit [1/rad^4]

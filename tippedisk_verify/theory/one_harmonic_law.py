@@ -141,8 +141,10 @@ def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
 
 
 def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2], the denominator of Eq. Csol. Its zero is a
-    pole of the law.
+    """Return the denominator of the one-harmonic law's squared amplitude, chi Omega^2 + m g e (r +
+    e) [kg m^3/s^2] (Eq. Csol).
+
+    Its zero is a pole of the law.
     """
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)

@@ -83,8 +83,8 @@ class Monomials:
     def _pairs(
         wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]
     ) -> tuple[Any, Any, Any]:
-        """Return the factor pairs of these monomials: the places of the left and of the right
-        factors, and the index at which each monomial's pairs begin.
+        """Return the pairs of monomials whose products are these monomials: the indices of the left
+        and of the right factors, and the index at which each monomial's pairs begin.
         """
         left, right, begins = list[int](), list[int](), list[int]()
         for triple in wanted:
@@ -103,7 +103,7 @@ class Monomials:
         return numpy.add.reduceat(p[:, left] * q[:, right], begins, axis=1)
 
     def at(self, point: Any) -> Any:
-        """Return all monomials (m,) at a point (u, s, f)."""
+        """Return the values of all monomials (m,) at a point (u, s, f)."""
         u, s, f = (table[powers] for table, powers in self._tables(point))
         return u * s * f
 
@@ -115,8 +115,8 @@ class Monomials:
         return numpy.stack((by_u * s * f, u * by_s * f, u * s * by_f), axis=1)
 
     def _tables(self, point: Any) -> list[tuple[Any, Any]]:
-        """Return for each variable the table of its powers, and the exponents (m,) that the
-        monomials have.
+        """Return for each variable a table of its powers at a point, and the exponents (m,) that
+        the monomials have.
         """
         tables = (numpy.cumprod([variable**0] + [variable] * self.order) for variable in point)
         return list(zip(tables, self.powers.T, strict=True))
@@ -358,8 +358,9 @@ def _invariant(
 
 
 def polynomial(coefficients: Any, variable: Any) -> Any:
-    """Return the value of a polynomial. Its coefficients lie along the first axis, the constant one
-    first.
+    """Return the value of a polynomial at ``variable``.
+
+    Its coefficients lie along the first axis, the constant one first.
     """
     total = coefficients[-1]
     for term in coefficients[-2::-1]:

@@ -69,7 +69,7 @@ class Saddle:
 
     @cached_property
     def context(self) -> Any:
-        """The mpmath context of the numbers."""
+        """The mpmath context of the numbers that belong to this saddle."""
         return bits(self.working_bits).context
 
     @cached_property
@@ -85,7 +85,7 @@ class Saddle:
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
-        """The eigenvalues (unstable, slow stable, fast stable) [1/s]."""
+        """The saddle's eigenvalues (unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
         values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
@@ -103,7 +103,8 @@ class Saddle:
 
     @cached_property
     def directions(self) -> Any:
-        """The right eigenvectors in (beta, gamma, v), as columns in the eigenvalues' order.
+        """The saddle's right eigenvectors in (beta, gamma, v), as columns in the eigenvalues'
+        order.
 
         The largest component of each is 1.
         """
@@ -122,7 +123,9 @@ class Saddle:
 
     @cached_property
     def inverse_directions(self) -> Any:
-        """The inverse of `directions`: its rows give coordinates along the eigenvectors."""
+        """The inverse of the matrix of eigenvectors: its rows give coordinates along the
+        eigenvectors.
+        """
         return self.context.inverse(self.directions)
 
     @cached_property
@@ -203,8 +206,8 @@ class Saddle:
         return law, side
 
     def side(self, which: int) -> int | None:
-        """Return the sign of gamma_y along a curve (0: unstable, 1: slow stable), on the half that
-        is used.
+        """Return the sign of gamma_y along a manifold of the saddle (0: unstable, 1: slow stable),
+        on the half that is used.
 
         Returns None for a law without sides.
         """

@@ -36,7 +36,7 @@ class PowerSeries:
         return _degrees(self.variables, len(self.c))[-1]
 
     def at(self, variable: Any) -> Any:
-        """Return the value of a series in one variable.
+        """Return the value of a series in one variable at a number.
 
         Args:
             variable: The number.
@@ -97,8 +97,8 @@ class PowerSeries:
         return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
 
     def slope(self, axis: int) -> PowerSeries:
-        """Return the partial derivative with respect to the first (0) or second (1) of two
-        variables.
+        """Return the partial derivative of a series in two variables with respect to the first (0)
+        or second (1).
 
         The result has one degree less.
 
@@ -129,7 +129,8 @@ class Angle:
 
     @cached_property
     def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
-        """The sine and cosine as series, from s' = c a' and c' = -s a' along each ray.
+        """The sine and cosine of the angle as power series, from s' = c a' and c' = -s a' along
+        each ray.
 
         Along a ray a derivative multiplies a coefficient by its degree.
         """

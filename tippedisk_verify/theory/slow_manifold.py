@@ -283,7 +283,9 @@ def invariance_residuals(
 
 
 def _checked_order(order: int) -> int:
-    """Return the order as an int; raise InputError unless it is an integer from 0 to 40."""
+    """Check the order of the slow manifold's series and return it as an int; raise InputError
+    unless it is an integer from 0 to 40.
+    """
     number = whole(order, 0, _HIGHEST_ORDER)
     if number is None:
         raise InputError(
@@ -534,7 +536,8 @@ def _expansion(
 def _largest_residuals(
     parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
 ) -> list[list[float]]:
-    """Return the largest residual over the fixed points, for each epsilon and each order.
+    """Return the largest residual of the slow manifold's invariance equation over the fixed points,
+    for each epsilon and each order.
 
     The residual is smaller than its terms by some number of digits. The working precision has sixty
     more than that.

@@ -97,7 +97,7 @@ class Diagnosis:
 
     @property
     def few(self) -> int:
-        """The number of failed answers that have too few digits, but are not wrong."""
+        """The number of failed answers that are right but have too few digits."""
         return sum(grade.verdict == "few-digits" for grade in self.failed)
 
     @property
@@ -113,7 +113,9 @@ class Diagnosis:
         return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
     def says(self) -> str:
-        """Return one line of text: the failures, their causes, and what is unexplained."""
+        """Return the diagnosis of one level in one line of text: the failures, their causes, and
+        what is unexplained.
+        """
         both = len(self.frictions) > 1 or self.frictions == ("both",)
         laws = "both laws" if both else f"{self.frictions[0]} friction"
         text = (
@@ -227,7 +229,8 @@ class _Sheet:
         )
 
     def explained(self, tables: Sequence[Table]) -> None:
-        """Look for causes of a level's wrong answers: changes of the equations, then relations.
+        """Look for mistakes that explain a level's wrong answers: changes of the equations, then
+        simple relations to right values.
 
         The changes and causes found are kept on this object. The answers that they explain are
         marked.

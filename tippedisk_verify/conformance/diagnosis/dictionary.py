@@ -504,7 +504,8 @@ def _in_place(old: Term, new: Term, rank: int) -> Replacement:
 
 
 def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
-    """Yield the replacements of a term that change its number, or leave out the term.
+    """Yield possible mistakes in a term of the equations: another number or sign, or a missing or
+    doubled term.
 
     Args:
         term: The term.
@@ -522,7 +523,9 @@ def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
 
 
 def _other_factors(term: Term) -> Iterator[Replacement]:
-    """Yield the replacements of a term that replace a factor, change its power, or omit it."""
+    """Yield possible mistakes in a term of the equations that replace a factor, change its power,
+    or omit it.
+    """
     for name, power in term.factors:
         one = 1 if power > 0 else -1  # the power next to 0 with the same sign
         sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
@@ -544,7 +547,9 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
 
 
 def _exchanged_powers(term: Term) -> Iterator[Replacement]:
-    """Yield the replacements of a term in which two factors have exchanged their powers."""
+    """Yield possible mistakes in a term of the equations: two factors have exchanged
+    their powers.
+    """
     for (one, first), (two, second) in combinations(term.factors, 2):
         if first != second and first * second > 0:
             new = term.times(1.0, one, second - first).times(1.0, two, first - second)

@@ -85,7 +85,8 @@ def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values
 
 # ---- what definitions predict
 def results(kind: str, values: Values) -> Results:
-    """Return the values of all quantities of a kind by name, one value to an entry.
+    """Return the values that a program computes for all quantities of a kind, by name, one value to
+    an entry.
 
     Args:
         kind: The kind of the questions, such as "rhs".
@@ -242,7 +243,8 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
 
 
 def radius_of(values: Values) -> Array:
-    """Return the radius [rad] of the circles about each entry's state.
+    """Return the radius [rad] of the circles in the complex plane about each entry's state, on
+    which functions are evaluated to differentiate them.
 
     It is small near sin(beta) = 0, where the orders diverge.
     """

@@ -55,7 +55,7 @@ class Problem(Answered):
 
     @np.errstate(all="ignore")
     def fits(self, values: Values) -> bool:
-        """Return True if a program gives all answers to the quantity.
+        """Return True if a program with mistakes would give all these answers to the quantity.
 
         Wrong answers must be ten times closer to its values than to the truth.
 
@@ -66,7 +66,9 @@ class Problem(Answered):
 
     @cached_property
     def sample(self) -> Array:
-        """The indices of the answers on which changes are tried: at most 40 wrong, 8 right."""
+        """The indices of the answers with which possible mistakes are tried: at most 40 wrong and 8
+        right ones.
+        """
         picked = []
         for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
@@ -76,7 +78,7 @@ class Problem(Answered):
     @cached_property
     @np.errstate(all="ignore")
     def most(self) -> int:
-        """The number of changes for which the wrong answers have enough evidence.
+        """The largest number of mistakes that the wrong answers are enough evidence for.
 
         Evidence is counted in digits of the error, and equal answers count once. The number is
         never larger than that of the answers in ``sample``.
@@ -159,7 +161,8 @@ class Search:
         return found
 
     def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
-        """Yield sets of changes whose effects cancel the residual, and which may give the answers.
+        """Yield sets of changes that may give the wrong answers to a quantity: their effects cancel
+        the residual.
 
         Args:
             of: The effects of all single changes.
@@ -219,7 +222,8 @@ class _Effects:
         )
 
     def total(self, values: Values) -> Array:
-        """Return the value of the identity for each answer of the sample; 0 for right answers.
+        """Return the value of the quantity's identity for each answer of the sample; it is 0 for an
+        answer that the program gives.
 
         Args:
             values: The program with the inputs and the answers of the sample.

@@ -191,7 +191,8 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
 
 
 def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
-    """Yield exchanges of questions, each as a rank, a sentence, and a list of ids.
+    """Yield the ways in which questions may have been exchanged, each as a rank, a sentence, and a
+    list of ids.
 
     The list has, for each answer, the id of the question whose right value stands in its place.
     """
@@ -210,7 +211,7 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
 
 
 def _put(match: re.Match[str], others: Mapping[str, str]) -> str:
-    """Return the matched text with the word of group 1 replaced.
+    """Return the text that a regular expression has matched, with the word of its group 1 replaced.
 
     Args:
         match: The match.

@@ -115,7 +115,7 @@ def parsed(text: str) -> Terms:
 
 @cache
 def shown(terms: Terms) -> str:
-    """Return a sum as text, in the notation that `parsed` reads, without ``given``."""
+    """Write a sum of terms as text, in the notation that `parsed` reads, without ``given``."""
     text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
 
@@ -156,7 +156,7 @@ class Values:
     known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
     def at(self, **inputs: Any) -> Values:
-        """Return the values of the same definitions for other or additional inputs."""
+        """Return the values of the same equations for other or additional inputs."""
         return Values(self.definitions, {**self.given, **inputs})
 
     def holding(self, **inputs: Any) -> Values:
@@ -179,7 +179,9 @@ class Values:
         return self.known[name][1]
 
     def terms(self, name: str) -> Terms:
-        """Return the terms of a definition or a sum in parentheses; () for other names."""
+        """Return the terms of a definition by its name, or those of a sum in parentheses; () for
+        other names.
+        """
         found = self.definitions.get(name, ())
         return parsed(name[1:-1]) if name.startswith("(") and not found else found
 
@@ -232,6 +234,6 @@ class Values:
 
 
 def written(lines: str) -> dict[str, Terms]:
-    """Return the definitions in a text by name, one definition to a line."""
+    """Read definitions of equations from a text, one to a line: return their terms by name."""
     pairs = (line.split(" = ", 1) for line in lines.strip().splitlines() if line.strip())
     return {name.strip(): parsed(text) for name, text in pairs}
