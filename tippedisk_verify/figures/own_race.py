@@ -50,10 +50,13 @@ class Race(Printable):
         return data_frame([score.to_dict() for score in self.scores])
 
     def plot(self, columns: int = 2) -> Any:
-        """Draw the work-precision diagram of the race, and return the matplotlib figure.
+        """Draw the work-precision diagram of the race.
 
         Args:
             columns: The number of panels side by side.
+
+        Returns:
+            The matplotlib figure.
         """
         return draw_bench(self.scores, columns)
 

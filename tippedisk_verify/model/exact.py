@@ -95,8 +95,8 @@ class Exact:
         return min(ends), max(ends)
 
     def rounded(self, mantissa_bits: int) -> tuple[int, int]:
-        """Round this exact number to a floating-point number of so many bits: return ``(mantissa,
-        exponent)``.
+        """Return this exact number rounded to a floating-point number of so many bits, as
+        ``(mantissa, exponent)``.
 
         Ties go to the even mantissa.
 
@@ -284,7 +284,7 @@ def entries(values: object) -> list[Any]:
 
 
 def exact(value: object) -> Exact:
-    """Convert a number or text to the exact number that it means.
+    """Return the exact number that a number or text means.
 
     A number of any kind (`plain_number`) is accepted. Texts are decimals (``"0.435"``,
     ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi (``"pi/2 + 0.4"``,

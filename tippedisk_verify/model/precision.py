@@ -178,7 +178,7 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """Convert a sequence of numbers to a one-dimensional array of this precision, each rounded
+        """Return a sequence of numbers as a one-dimensional array of this precision, each rounded
         as `number` does.
 
         MPFR numbers are stored as objects.
