@@ -215,7 +215,7 @@ class Audit(Printable):
         return self._set(name).with_friction("linear")
 
     def connection(self, name: str) -> Heteroclinic:
-        """Return the heteroclinic connection of a set.
+        """Return the heteroclinic connection of the disk with an audited parameter set.
 
         Args:
             name: The set's name.
@@ -227,7 +227,7 @@ class Audit(Printable):
         return self._once(("connection", name), lambda: heteroclinic(self._set(name), self.engine))
 
     def omega_h(self, name: str) -> Measured:
-        """Return Omega_h [rad/s] of a set.
+        """Return Omega_h [rad/s] of the disk with an audited parameter set.
 
         Args:
             name: The set's name.

@@ -150,7 +150,8 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the images of lead and axes, two matrices of balls, under derivatives ``rows``.
+        """Return the set's matrices ``lead`` and ``axes`` after a map with the derivatives ``rows``
+        has been applied, as balls.
 
         The first one includes the map's own derivatives with respect to the equations' numbers.
         """

@@ -77,7 +77,7 @@ def dyadic_text(point: Any) -> str:
 
 
 def radius(value: Any) -> Any:
-    """Read a radius as `dyadic` does, and return the ball about zero with this radius.
+    """Read a radius, an exact number as text, and return the ball about zero with this radius.
 
     Raises ValueError if it is negative.
     """

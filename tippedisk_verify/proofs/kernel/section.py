@@ -148,8 +148,8 @@ def return_map(
 
 
 class SectionCase(Enum):
-    """The cases that are distinguished for the orbits in one step: no section, a turn, or a
-    crossing.
+    """The cases that are distinguished for all orbits in one step: they do not reach the section,
+    they turn, or they cross it.
 
     The module's docstring has the conditions.
     """
