@@ -52,7 +52,7 @@ def shortcomings(
     required: Iterable[int] | None,
     expected: frozenset[str],
 ) -> list[str]:
-    """Return the reasons why a sheet does not pass, one sentence each; [] if it passes.
+    """Return the reasons why a sheet of answers does not pass, one sentence each; [] if it passes.
 
     A required level without an answer is a reason too. Optional questions do not count.
 

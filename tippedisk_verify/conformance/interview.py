@@ -74,7 +74,8 @@ class Interview:
     def conduct(
         self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]
     ) -> None:
-        """Ask all questions in turn, grade the answers, and keep grades and times on this object.
+        """Ask the program all questions in turn, grade the answers, and keep grades and times on
+        this object.
 
         Args:
             asked: The questions.

@@ -35,7 +35,7 @@ _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance fr
 def cycle_above(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:
-    """Return the limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
+    """Return the librating limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
 
     Args:
         parameters: The disk and its friction law.

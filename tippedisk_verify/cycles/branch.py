@@ -187,7 +187,8 @@ class Branch(Printable):
         return tuple(points)
 
     def restart(self, point: SpecialPoint | str, count: int = DEFAULT_COUNT) -> Branch:
-        """Return the branch from a special point on, to the next one or to the family's end.
+        """Return the branch of limit cycles from a special point on, to the next one or to the
+        family's end.
 
         Args:
             point: One of `points`, or its name.
@@ -388,8 +389,8 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
 
 
 def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]:
-    """Return the paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and
-    A^de towards Omega_h.
+    """Return the speeds [rad/s] at which the paper computes limit cycles: Omega_0 = Omega_crit -
+    0.5, the set A^in towards Omega_crit and the set A^de towards Omega_h.
 
     Each set has 400 steps, each a hundredth of the rest. The speeds are doubles, because the
     paper's are. The paper's index set I = {1, ..., 400} leaves Omega_1 undefined. This Omega_1
@@ -430,8 +431,8 @@ def family(
     omegas: Sequence[object] | None = None,
     half_widths: bool = True,
 ) -> Iterator[LimitCycle | MissingCycle]:
-    """Return an iterator of cycles: the paper's 801, those at given speeds, or an overview from the
-    Hopf point to the connection.
+    """Return an iterator of librating limit cycles: the paper's 801, those at given speeds, or an
+    overview from the Hopf point to the connection.
 
     A speed at which several cycles coexist gives all of them, from the smallest amplitude on. A
     speed without a cycle gives a `MissingCycle`.

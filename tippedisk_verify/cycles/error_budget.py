@@ -351,8 +351,11 @@ def half_widths_by_twins(
 def half_widths_by_wider_run(
     rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
 ) -> dict[str, Measured]:
-    """Return the rough numbers, with half-widths from their distance to the sharp ones and the
-    sharp ones' own error.
+    """Return the numbers of a limit cycle with half-widths, by comparison with a run in wider
+    arithmetic.
+
+    A half-width comes from the distance of the rough number to the sharp one, and from the sharp
+    one's own error.
 
     The two runs show how far the other numbers move with the state.
 
@@ -382,7 +385,7 @@ def half_widths_by_wider_run(
 
 
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
-    """Replace the logarithms of multipliers that are lost in rounding by bounds.
+    """Replace the logarithms of Floquet multipliers that are lost in rounding by bounds.
 
     The slow multiplier is at most the size that rounding leaves of it. The fast one is no larger.
     Their sum has its own half-width.

@@ -231,7 +231,8 @@ def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
 
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:
-    """Return the numbers of the family's fold to some ten digits, by their names in `RotationFold`.
+    """Return the numbers of the rotating family's fold to some ten digits, by their names in
+    `RotationFold`.
 
     It compiles nothing that the cycles' family does not need.
 
@@ -257,7 +258,7 @@ def fold_to_digits(
     engine: Engine,
     digits: int,
 ) -> Any:
-    """Return the fold of that kind next to a point, to ``digits`` significant digits.
+    """Return the fold of limit cycles next to a point, to ``digits`` significant digits.
 
     Args:
         kind: The class of the fold.
@@ -322,7 +323,8 @@ def _conditions(image: Image) -> tuple[Any, Any, Any]:
 def _fold_system(
     mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
 ) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
-    """Return the conditions of a fold and the matrix (3, 3) of their derivatives.
+    """Return the conditions of a fold, which are zero there, and the matrix (3, 3) of their
+    derivatives.
 
     ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with
     the image. Those of the determinant are central differences, each over the unknown's entry of
@@ -351,7 +353,7 @@ def fold_near(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
-    """Solve for the fold next to a point.
+    """Solve for the fold of limit cycles next to a point, by Newton's iteration.
 
     Args:
         section: The section of the kind of cycle.

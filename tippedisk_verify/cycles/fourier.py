@@ -239,8 +239,8 @@ class Collocation:
 
 @lru_cache(maxsize=64)
 def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]:
-    """Return the matrices of differentiation with respect to the angle, and of integration of
-    functions without mean.
+    """Return two matrices that act on samples of a periodic function: of differentiation with
+    respect to the angle, and of integration of functions without mean.
 
     The samples lie at j h, h = pi s / n, where s is the kind's number of half periods. Then
 
@@ -311,7 +311,8 @@ def sizes(kind: Kind, beta: Any) -> Any:
 
 
 def samples_for(kind: Kind, point: Any, digits: int) -> int:
-    """Return the number of samples that the decay of the harmonics requires for the digits.
+    """Return the number of collocation samples that a cycle needs for the wanted digits, from the
+    decay of its harmonics.
 
     The decay is the mean factor between neighbours, over the later ones that stand above rounding.
 

@@ -148,7 +148,8 @@ class Cycle(Printable):
     def orbit(
         self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None
     ) -> tuple[Any, Any]:
-        """Return times over one period, both ends included, and the states there, in double.
+        """Return times over one period, both ends included, and the cycle's states there, in
+        double.
 
         Next to Omega_h the flight is in as many bits as its start needs.
 
@@ -175,7 +176,7 @@ class Cycle(Printable):
         return times, states
 
     def __call__(self, t: Any) -> Any:
-        """Return the state (3,) at a time, or the states (3, n) at times (n,), in double.
+        """Return the cycle's state (3,) at a time, or its states (3, n) at times (n,), in double.
 
         Time counts from the start of `orbit`, and goes on periodically to both sides. On a rotating
         cycle gamma grows by 2 pi in each period.

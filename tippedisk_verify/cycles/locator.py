@@ -196,7 +196,7 @@ class Locator:
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
-        """Locate the cycles about inverted spinning at a speed.
+        """Locate the librating limit cycles, about inverted spinning, at a speed.
 
         Args:
             omega: The speed [rad/s].
@@ -287,7 +287,8 @@ class Locator:
 
 
 def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
-    """Return the start for a cycle between the Hopf point and the family's first node, in a list.
+    """Return a start for the limit cycle between the Hopf point and the family's first node, in a
+    list.
 
     The list is empty if no cycle lies there. ``below_crit`` is Omega_crit less the speed [rad/s].
 

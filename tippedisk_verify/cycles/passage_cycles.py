@@ -91,7 +91,8 @@ def cycle_by_passages(
     *,
     from_omega_h: bool = False,
 ) -> C | None:
-    """Return the cycle of the section's kind next to Omega_h, to ``digits`` significant digits.
+    """Compute the limit cycle next to Omega_h from linear passages of the saddles, to ``digits``
+    significant digits.
 
     Args:
         section: Librating cycles lie above Omega_h, stable rotating ones below.

@@ -158,7 +158,7 @@ class GlobalMap:
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
-        """The first-order coefficients of the map from one saddle to the next, at Omega_h and
+        """The first-order coefficients of this map from one saddle to the next, at Omega_h and
         sigma = 0.
 
         An orbit leaves at u = u_1 and s = sigma. It arrives at (u, s) in the chart of the next

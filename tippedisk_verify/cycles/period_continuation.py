@@ -125,7 +125,7 @@ def cycle_at_half_period(
 def lengthened(
     parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float
 ) -> Iterator[PeriodPoint]:
-    """Yield cycles of longer and longer period, in double.
+    """Yield librating limit cycles of longer and longer period, in double.
 
     The step in the half period adapts: it grows by half after a quick solution and is halved after
     a failed one.
@@ -384,7 +384,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
 
 
 def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
-    """Return the arithmetic that a cycle next to Omega_h needs to keep its digits.
+    """Return the arithmetic in which a cycle next to Omega_h must be computed to keep its digits.
 
     Rounding grows over a passage like 1 / above. It must be small against the state's distance from
     the saddle. That distance is of the order of ``above`` to the power lambda_u / (lambda_u -

@@ -77,7 +77,8 @@ class Image(NamedTuple):
         return x, y, omega
 
     def slopes(self, held: FixedQuantity) -> tuple[Any, Any, Any, Any]:
-        """Return derivatives along the family, with respect to the quantity held.
+        """Return derivatives along the family of limit cycles, with respect to the quantity that is
+        held.
 
         They are those of the family of cycles if the start is a fixed point.
 
@@ -111,7 +112,8 @@ class Image(NamedTuple):
 
 
 class ReturnMap(Generic[C]):
-    """The return map of one disk at one speed, in one arithmetic.
+    """The return map of one disk at one speed, from a section to its next crossing, in one
+    arithmetic.
 
     Flights and images raise NoSuchCycleError if the start has coordinates that the section does not
     have, or if the orbit does not come back to the section.
@@ -154,7 +156,7 @@ class ReturnMap(Generic[C]):
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
-        """Fly from a point to the section's next crossing.
+        """Fly from a point of the section to the section's next crossing.
 
         Args:
             point: Both coordinates on the section.

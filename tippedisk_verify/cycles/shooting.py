@@ -80,7 +80,8 @@ def limit_cycle(
     guess: Sequence[float] | None = None,
     precision: Precision | None = None,
 ) -> LimitCycle:
-    """Return the limit cycle at ``omega``, each number to about ``digits`` significant digits.
+    """Return the librating limit cycle at ``omega`` by shooting, each number to about ``digits``
+    significant digits.
 
     Up to 12 digits everything runs in double if that holds them; close to the Hopf point it does
     not. A wider arithmetic measures the error only where the budget in double is too wide for the

@@ -148,7 +148,7 @@ def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
 
 
 def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
-    """Return the residuals of a fold's equations (2 n + 3,).
+    """Return the residuals (2 n + 3,) of the collocation equations of a fold.
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
     vector's scale.
@@ -187,8 +187,8 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
 
 
 def first_fold(parameters: Parameters, kind: Kind) -> Any:
-    """Return the first fold of the librating cycles from the Hopf point on, or that of the rotating
-    ones.
+    """Find the first fold of the librating cycles from the Hopf point on, or the fold of the
+    rotating ones, by collocation.
 
     Args:
         parameters: The disk, under the linear law.
@@ -388,7 +388,7 @@ def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
 
 
 def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
-    """Return the slow Floquet exponent of a rotating cycle and its mode.
+    """Return the slow Floquet exponent of a rotating cycle and its mode, in double by collocation.
 
     Args:
         a: The collocation, in double.

@@ -59,8 +59,8 @@ def cycle_near(
     *,
     digits: int = 12,
 ) -> C:
-    """Return the cycle of the section's kind at exactly ``omega``, next to ``omega_h``; it is
-    cached.
+    """Return the limit cycle at exactly ``omega``, next to ``omega_h``, from whole flights in wide
+    arithmetic; it is cached.
 
     Librating cycles lie above, or below if the saddle value is positive. Stable rotating ones lie
     below.
@@ -201,7 +201,8 @@ def with_speed(
     branch_length: Fraction,
     engine: Engine,
 ) -> C:
-    """Return the cycle with half-widths that include the effect of Omega_h's uncertainty.
+    """Return a limit cycle with half-widths that include the effect of Omega_h's uncertainty on its
+    speed.
 
     All numbers are computed once more at another speed, moved by a thousandth of the distance from
     the nearer end of the branch. Up to a thousandth they change in proportion to the speed

@@ -74,7 +74,7 @@ def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Row
 
 
 def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
-    """Draw amplitude, period and slow multiplier of a family against Omega.
+    """Draw amplitude, period and slow multiplier of a family of limit cycles against Omega.
 
     These are the paper's Figures HBM and Shooting.
 
@@ -135,7 +135,7 @@ def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
 def draw_scenario(
     families: Mapping[str, Rows], scenes: Mapping[str, float], omega_h: float, columns: int = 2
 ) -> Any:
-    """Draw largest lean and period of all families against Omega.
+    """Draw largest lean and period of all families of limit cycles against Omega.
 
     The Hopf point, Omega_h, the fold and the six scenes are marked.
 

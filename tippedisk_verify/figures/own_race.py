@@ -76,7 +76,7 @@ def race(
     answers: str | Path | Sequence[str | Path] = (),
     progress: bool | None = None,
 ) -> Race:
-    """Race integrators of one's own against the suite's and SciPy's.
+    """Compare integrators of one's own with the suite's and SciPy's, in speed and error.
 
     The methods run in turns, and warm runs are timed.
 

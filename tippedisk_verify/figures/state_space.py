@@ -248,7 +248,7 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
-    """Return the header and the rows of each orbit's file, and of the slow manifold's, by file
+    """Return the tables of a scene's orbits and of its slow manifold as headers and rows, by file
     name.
 
     The files are ``scene_X_orbit_N.csv`` and ``scene_X_slow_manifold.csv``. States and heights are

@@ -40,7 +40,8 @@ class CompiledRunners:
         return [slot.runner for slot in list(self._slots.values())]
 
     def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
-        """Run the runner of a key, compiling it first if necessary, and return its result.
+        """Run the compiled integrator (runner) of a key, compiling it first if necessary, and
+        return its result.
 
         One thread compiles at a time. Another thread that needs the same runner then finds it
         compiled.

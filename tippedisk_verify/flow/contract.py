@@ -116,7 +116,8 @@ def _of_state(
 
 @dataclass(frozen=True)
 class Event:
-    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
+    """An event of a motion: a zero crossing of ``function(ops, constants, omega, beta, gamma, v)``
+    along the flow.
 
     The function consists of arithmetic, ops.sin and ops.cos. A function of two arguments is SciPy's
     ``function(t, y)``, without t and with arithmetic on y = (beta, gamma, v) only.

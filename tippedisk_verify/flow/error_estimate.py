@@ -132,7 +132,8 @@ class NotInProportion(ArithmeticError):
 
 
 def from_defect(request: Request, result: Result) -> Result | None:
-    """Return a result with half-widths, accurate to the digits that the request asks for.
+    """Return the result of a run with half-widths, from the run's defect, accurate to the digits
+    that the request asks for.
 
     Args:
         request: The run, in doubles.
@@ -405,7 +406,7 @@ class _Run:
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
 
     def check_missed(self, last: Any, result: Result) -> None:
-        """Raise NotInProportion where errors decide whether an event is met at all.
+        """Raise NotInProportion if the run's errors decide whether an event is met at all.
 
         An event is in doubt in two cases. Its function is no larger than its error at a node or at
         the ``last`` time, which has an error of its own. Or the function comes close to zero

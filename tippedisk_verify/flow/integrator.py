@@ -82,7 +82,8 @@ class Series:
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:
-        """Return the values of all polynomials at the sample times that were reached.
+        """Return the values of all of the run's polynomials at those requested sample times that
+        the run has reached.
 
         A run that reached its end has them all, even if rounding puts the last one slightly later.
 

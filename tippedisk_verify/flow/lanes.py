@@ -75,7 +75,7 @@ _MAX_LANES = 64  # eight times the widest registers; compile time grows with the
 
 @undisturbed_methods
 class BatchTaylor:
-    """The engine for many runs, which keeps what it has compiled.
+    """The Taylor engine for many runs at once, which keeps what it has compiled.
 
     Threads may share an instance: a call waits until the integrator that it needs is free.
 
@@ -106,7 +106,7 @@ class BatchTaylor:
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
     ) -> BatchResult:
-        """Integrate n runs.
+        """Integrate n motions at once.
 
         Args:
             constants: (k,) or (n, k), as `field_constants` gives them: six under the linear law.

@@ -60,7 +60,8 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
 
 
 def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
-    """Return the exact derivatives of the field's constants with respect to each input of a motion.
+    """Return the exact derivatives of the constants in the equations of motion with respect to each
+    input of a motion.
 
     The inputs are the start's beta, gamma and v, omega, and the disk's parameters. The constants
     a = A / m, b = B / m - e^2, k = mu g / epsilon and mu g depend on several of these. The start

@@ -34,7 +34,8 @@ _SURFACE_DIGITS = 20
 
 @undisturbed_methods
 class Taylor:
-    """The engine: Taylor series of the order that the tolerance requires, in any precision.
+    """The Taylor engine: it integrates by Taylor series of the order that the tolerance requires,
+    in any precision.
 
     Threads may share an instance: a run waits until the integrator that it needs is free. They are
     faster with one instance each (`flow.default_engine`). The tolerance belongs to the run: it is

@@ -237,7 +237,7 @@ def is_optional(id_: object) -> bool:
 
 
 class Store(Mapping[str, Quantity]):
-    """The reference values by id, in order of difficulty.
+    """A store of the reference values by id, in order of difficulty.
 
     Optional quantities are computed when they are looked up; they are not iterated over.
 

@@ -176,7 +176,7 @@ def as_quantity(
     grade: str = "single",
     methods: Mapping[str, str] | None = None,
 ) -> Quantity:
-    """Return computed numbers as a reference value.
+    """Return computed numbers and their sensitivities as a reference value.
 
     Args:
         item: The question.

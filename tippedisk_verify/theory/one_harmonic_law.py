@@ -53,7 +53,8 @@ class OneHarmonic(Printable):
 
 
 def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """Return kappa_1 [N m], the cubic part of the sine balance (Eq. sin_balance and below).
+    """Return kappa_1 [N m], the cubic part of the one-harmonic law's sine balance (Eq. sin_balance
+    and below).
 
     Args:
         constants: The parameters, in any kind of number.
@@ -81,7 +82,8 @@ def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """Return kappa_2 [m^2/s^2], the cubic part of the cosine balance (Eq. kappa2).
+    """Return kappa_2 [m^2/s^2], the cubic part of the one-harmonic law's cosine balance (Eq.
+    kappa2).
 
     Args:
         constants, omega, frequency_squared, form: As for `kappa_1`.

@@ -49,7 +49,8 @@ _MIN_DIVISOR = 1e-4  # relative to the eigenvalue; coefficients grow like the in
 
 @dataclass(frozen=True)
 class Saddle:
-    """Noninverted spinning at one speed with its local manifolds, in mpmath numbers.
+    """The saddle, noninverted spinning at one speed, with its local manifolds as power series, in
+    mpmath numbers.
 
     Args:
         parameters: The disk.

@@ -65,7 +65,8 @@ POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
 
 
 def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
-    """Return h_c [rad/s], the v of pure rolling, gamma_y = 0 (Eq. critical_manifold_tippdisk).
+    """Return v = h_c [rad/s] on the critical manifold, where the disk rolls: gamma_y = 0 (Eq.
+    critical_manifold_tippdisk).
 
     Args:
         ops: The functions of the kind of number.
@@ -337,7 +338,7 @@ def reduced_equilibrium(
 
 
 def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> Measured:
-    """Return the Hopf speed of the reduced flow [rad/s].
+    """Return the speed of the Hopf point of the reduced flow on the slow manifold [rad/s].
 
     The trace at inverted spinning vanishes there. At order 1 this is Omega_crit exactly.
 

@@ -247,7 +247,8 @@ class _Sheet:
 
     @contextmanager
     def together(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
-        """Undo what the body of a with statement found if it explained only a part.
+        """Undo what the body of a with statement found if it explained only a part of answers that
+        belong together.
 
         Some answers belong together: either all of them are explained, or none. If any of them is
         still unexplained at the end, the changes, the causes and the marks are restored.
@@ -377,7 +378,8 @@ class _Sheet:
         return found
 
     def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
-        """Find the fewest changes that give the answers to a quantity, and keep them as known.
+        """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
+        them as known.
 
         Known changes are tried first. Changes found for a derivative are kept as a cause only.
 
@@ -436,7 +438,7 @@ class _Sheet:
 
     @np.errstate(all="ignore")
     def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
-        """Return other choices of the known changes that explain the same answers.
+        """Return other choices of the known mistakes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
         quantity for which it was found. The replacement has another effect on the quantity of
@@ -582,7 +584,8 @@ def _left(tables: Iterable[Table]) -> int:
 
 
 def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
-    """Return the sentence about a relation with the names of its quantities put in.
+    """Return the sentence about a relation of wrong answers, with the names of their quantities put
+    in.
 
     Args:
         says: The sentence, with {q} in place of the quantity.

@@ -259,7 +259,8 @@ class BallArray:
 
     @quieted
     def __truediv__(self, other: Any) -> BallArray:
-        """Divide; the quotient is infinite where the divisor's ball holds 0.
+        """Return balls that hold the quotients by ``other``; they are infinite where the divisor's
+        ball holds 0.
 
         If |b| > rb, then (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t) is at most
 

@@ -77,7 +77,8 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
 def field(
     ops: Any, constants: Any, omega: Any, law: Any = "linear"
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
-    """Return a function from states to rates (beta', gamma', v') [rad/s, rad/s, rad/s^2].
+    """Return the vector field of the motion: a function from states to rates (beta', gamma', v')
+    [rad/s, rad/s, rad/s^2].
 
     Args:
         ops: Provides sin and cos for the numbers of the state.

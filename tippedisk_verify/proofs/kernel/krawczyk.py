@@ -143,7 +143,8 @@ def fixed_points(
     centre: Return,
     box: Return,
 ) -> FixedPoints:
-    """Apply Krawczyk's operator to a map that has been enclosed already, and return the result.
+    """Apply Krawczyk's operator to a section's map that has been enclosed already, and return the
+    result of the test.
 
     Args:
         middle: Three points: the two coordinates on the section, and Omega.

@@ -139,7 +139,7 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 
 
 def parsed(value: Any, shape: Any, path: str) -> Any:
-    """Return a JSON value with its leaves read, if it has the given shape.
+    """Check that a JSON value has a given shape, and return it with its leaves read.
 
     Raises Refused, with ``path`` and the fault's place below it, if its shape differs.
 

@@ -111,7 +111,8 @@ def return_map(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose the Poincare map over a box of the section's two coordinates.
+    """Enclose the Poincare map of a section, for all starts in a box of the section's two
+    coordinates.
 
     Args:
         model: The equations of motion.

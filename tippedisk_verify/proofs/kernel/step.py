@@ -188,7 +188,8 @@ class Trial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """Test whether all orbits from the set exist and stay in a padded box E for this length.
+        """Test whether all orbits from the path's set of states exist and stay in a padded box E
+        over a step of this length.
 
         Returns four things. The first is E. The next two are the next Taylor coefficients over E,
         which give the remainders: of the states to the full order, and of the states with their

@@ -232,8 +232,8 @@ class ProvedConnection(Printable, Proof):
 
 
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
-    """Prove Omega_h in an interval about ``near`` [rad/s], of absolute and relative length up to
-    10^-digits.
+    """Prove that the heteroclinic connection exists at a speed Omega_h in an interval about
+    ``near`` [rad/s], of absolute and relative length up to 10^-digits.
 
     ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises
     InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
@@ -288,7 +288,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
-    """Return the eigenvalues of noninverted spinning [1/s], by descending value, and the matrix P.
+    """Compute the saddle's eigenvalues [1/s], by descending value, and the matrix P of its
+    eigenvectors, at noninverted spinning.
+
     Both are points near the true numbers.
 
     P's columns are near the eigenvectors. Their largest component is 1, and the entries in gamma's

@@ -78,8 +78,8 @@ def prove_family(
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
 ) -> FamilyProof:
-    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or up to the
-    connection.
+    """Prove as much of the family of limit cycles as possible: up to the amplitude ``until`` [rad],
+    or up to the connection.
 
     Args:
         parameters: The disk.

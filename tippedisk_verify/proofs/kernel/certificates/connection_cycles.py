@@ -233,7 +233,8 @@ def verify_cycles(
     choose: Callable[..., Any],
     watch: Callable[[float], None] = lambda share: None,
 ) -> CyclesNextToConnection:
-    """Show that the half map has one fixed point in Q above Omega_h, and none at it or below.
+    """Prove the limit cycles next to the connection: the half map has one fixed point in Q at each
+    speed above Omega_h, and none at Omega_h or below.
 
     The proof is that of the module's docstring, at all speeds from ``low`` to ``high`` [rad/s].
 
@@ -343,7 +344,8 @@ class LoopMap:
         )
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
-        """Show that R contracts and that its fixed point moves monotonically with the speed.
+        """Show that the loop's map R contracts and that its fixed point moves monotonically with
+        the speed.
 
         Args:
             arrivals: The enclosed arrivals of all flights with their derivatives, as `arrivals`
@@ -451,7 +453,8 @@ def _flights(
     entry: dict[str, Any],
     watch: Callable[[float], None],
 ) -> list[list[Any]]:
-    """Enclose the arrivals of the flights from all exits at all speeds of [low, high].
+    """Enclose the arrivals of the flights from all exits of the saddle's box at all speeds of [low,
+    high].
 
     Speeds and exits are divided into cells, with one flight for each pair of them. ``entry``
     contains the number of steps and the lengths of steps: a row for each cell of speeds, in it a

@@ -75,7 +75,8 @@ def judge(
     points: Sequence[FixedPoints],
     radii: Sequence[Any],
 ) -> None:
-    """Raise Unproved unless the tests on the whole arc and at its ends prove the claim.
+    """Raise Unproved unless the passed tests, on a whole arc of cycles and at its ends, prove the
+    claim of a fold.
 
     Args:
         claim: The claim of a fold, with its numbers and the kind of extremum.

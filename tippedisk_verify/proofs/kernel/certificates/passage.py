@@ -176,7 +176,7 @@ class Passage:
         )
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """Enclose the field's derivatives over an array of cells z.
+        """Enclose derivatives of the field F over an array of cells, boxes of coordinates z.
 
         Returns two lists. The first one contains the nine entries of DF, the sums of pairs of its
         diagonal entries, and B, the derivative of the field F by the speed. The second one
@@ -215,7 +215,8 @@ class Passage:
         self.B = [abs_upper(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
-        """Show the inequalities of parts 7a.1 to 7a.5 that concern N alone, with given weights.
+        """Show the inequalities of the proof (parts 7a.1 to 7a.5) that concern the box N alone,
+        with given weights.
 
         They concern the faces, the cones, the second compound, the thin set and the set K. Stores
         the weights, and the bounds that follow from them, for the other methods. Raises Unproved
@@ -377,7 +378,8 @@ class Passage:
         return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
-        """Return an upper bound of |z_u| where orbits below the graph reach beta_bar = 0.
+        """Return an upper bound of |z_u| for orbits in the box N where they reach beta_bar = 0,
+        having started below the stable manifold's graph.
 
         The orbits start on z_s = -s with |z_u| <= lid and |z_f| <= fast. If they reach beta_bar = 0
         before the ``moment`` [s], |z_u| has grown at a bounded rate. If they reach it later, |z_s|
@@ -428,7 +430,8 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """Enclose the arrivals on z_s = -s of all flights, with their derivatives.
+    """Enclose many flights from one saddle to the next: their arrivals on the section z_s = -s,
+    with derivatives.
 
     The flights start on z_u = u about the first saddle. The derivatives are those with respect to
     z_s, z_f and the speed at the start. All inequalities belong to part 1 of the proof of Theorem
@@ -537,7 +540,7 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
 
 
 def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
-    """Enclose the arrivals on z_s = -s in the last step of each flight.
+    """Enclose where and when flights arrive on the section z_s = -s, in the last step of each.
 
     Returns three rows: for the time [s] since the step's start, for z_u and for z_f. Each row has
     the value and its derivatives with respect to z_s, z_f and the speed at the flight's start.

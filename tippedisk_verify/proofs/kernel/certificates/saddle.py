@@ -133,7 +133,8 @@ def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
 
 
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
-    """Return three balls; if all are positive, differences of orbits obey the cone conditions.
+    """Return three balls. If all of them are positive, differences of orbits obey the cone
+    conditions.
 
     Let F be the field in the coordinates (u, s, f) along the unstable, slow and fast direction.
     On a convex box about the saddle, ``matrix`` encloses DF and ``by_speed`` the derivative of F
@@ -522,7 +523,8 @@ def leaving(
 
 
 def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
-    """Show that N = {|z_s| <= s, |w_u| <= u, |w_f| <= t} is an isolating block (6.3).
+    """Show that a box about the saddle, N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}, is an isolating
+    block (6.3).
 
     w is the offset from ``curve``, near the slow stable manifold; ``extents`` are s, u, t. Raises
     Unproved with the inequality that fails.
