@@ -58,7 +58,7 @@ def code_folder() -> Path | None:
 
 
 class Cache:
-    """A store of JSON values by key.
+    """A store of JSON values by key, in files of a folder.
 
     Args:
         folder: The folder of the files. None makes a cache that keeps nothing.

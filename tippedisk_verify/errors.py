@@ -14,7 +14,7 @@ __all__ = [
 
 
 class InputError(ValueError):
-    """The input cannot be used.
+    """Raised if an input cannot be used.
 
     ``faults`` holds one line for each fault. The command line prints them on one line and exits
     with status 2.
@@ -29,11 +29,11 @@ class InputError(ValueError):
 
 
 class UnknownKeywordError(InputError, TypeError):
-    """A function has no such keyword; the message names the alternatives."""
+    """Raised if a function has no such keyword; the message names the alternatives."""
 
 
 class AccuracyError(RuntimeError):
-    """A computation ended without the digits that were asked for.
+    """Raised if a computation ended without the digits that were asked for.
 
     The message gives the reason and a remedy. The command line prints it on one line and exits with
     status 1.
@@ -41,8 +41,12 @@ class AccuracyError(RuntimeError):
 
 
 class NoSuchCycleError(InputError):
-    """The requested limit cycle does not exist, or was not found; the message gives the reason."""
+    """Raised if the requested limit cycle does not exist, or was not found; the message gives the
+    reason.
+    """
 
 
 class NoConnectionError(InputError):
-    """The parameters have no heteroclinic connection as requested; the message gives the reason."""
+    """Raised if the disk has no heteroclinic connection as requested; the message gives
+    the reason.
+    """

@@ -81,7 +81,7 @@ def output_file(path: str) -> Path:
 
 
 def _obstacle(path: Path) -> str:
-    """Describe the object at a path that stands in the way of a file or a folder."""
+    """Return a description of the object at a path that stands in the way of a file or a folder."""
     status = path.stat()
     # /dev/full stands for a full disk
     if stat.S_ISCHR(status.st_mode) and status.st_rdev == os.makedev(1, 7):

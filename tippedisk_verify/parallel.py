@@ -16,7 +16,8 @@ Answer = TypeVar("Answer")
 def as_done(
     function: Callable[[Job], Answer], jobs: Iterable[Job], executor: Executor | None
 ) -> Iterator[tuple[Job, Answer]]:
-    """Yield each job with its answer.
+    """Apply a function to jobs, in this process or on an executor, and yield each job with its
+    answer.
 
     Without an executor the jobs run in order in this process. With one, each pair comes as soon as
     it is done, and jobs are submitted as fast as ``jobs`` yields them.

@@ -57,7 +57,9 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
 
 @contextmanager
 def _shown(total: int, wanted: bool) -> Iterator[Advance]:
-    """Yield an `Advance` as `progress_of` does, which shows nothing unless that is wanted."""
+    """Yield a function that shows progress, as `progress_of` does, or that shows nothing if it is
+    not ``wanted``.
+    """
     # Starting a thread takes as long as a fifth of a limit cycle.
     if not wanted or not _has_viewer() or parent_process() is not None:
         yield lambda label, steps: None

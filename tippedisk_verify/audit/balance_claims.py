@@ -69,7 +69,9 @@ def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 def _expansion(
     part: str, label: str, expanded: str, formula: str, fault: Fault | None = None
 ) -> Claim:
-    """Return the claim that the paper's third-order expansion of a part of the equations is right."""
+    """Return a claim of the catalogue: that the paper's third-order expansion of a part of the
+    equations is right.
+    """
     examine = partial(_expansion_part, part)
     return Claim(
         f"expansion_{part}",

@@ -72,7 +72,7 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
 
 
 def _covered(theorem: Theorem, parameters: Parameters) -> bool:
-    """Return True if the theorem covers the disk and its friction law, and a command can name the
+    """Return True if a theorem covers the disk and its friction law, and a command can name the
     disk.
     """
     if theorem.law not in (None, parameters.friction):

@@ -62,7 +62,7 @@ class Verdict(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """The outcome of one claim's examination on all audited sets."""
+    """The outcome of examining one claim on all audited parameter sets."""
 
     computed: dict[str, Measured | str]  #: the computed value, by parameter set
     holds: dict[str, bool | None]  #: whether it holds, by parameter set; None: undecided
@@ -70,7 +70,7 @@ class Finding:
 
     @property
     def verdict(self) -> Verdict:
-        """The verdict over all sets."""
+        """The verdict on the claim over all parameter sets."""
         answers = list(self.holds.values())
         if all(answers):
             return Verdict.HOLDS
@@ -93,7 +93,7 @@ class Finding:
 
     @classmethod
     def of_record(cls, record: dict[str, Any]) -> Finding:
-        """Return the finding that a record of `record` describes."""
+        """Restore a finding from its plain data, as `record` returns it."""
         computed = {
             name: value if isinstance(value, str) else Measured(*map(Fraction, value))
             for name, value in record["computed"].items()
@@ -185,7 +185,7 @@ class Audit(Printable):
         self.parameters.refuse_own_law("the paper's claims are examined")
 
     def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
-        """Return the result with this key; compute and store it when it is first needed."""
+        """Return the shared result with this key; compute and store it when it is first needed."""
         if key not in self._kept:
             self._kept[key] = compute()
         kept: T = self._kept[key]
@@ -215,7 +215,7 @@ class Audit(Printable):
         return self._set(name).with_friction("linear")
 
     def connection(self, name: str) -> Heteroclinic:
-        """Return the heteroclinic connection of a set.
+        """Return the heteroclinic connection of the disk with an audited parameter set.
 
         Args:
             name: The set's name.
@@ -227,7 +227,7 @@ class Audit(Printable):
         return self._once(("connection", name), lambda: heteroclinic(self._set(name), self.engine))
 
     def omega_h(self, name: str) -> Measured:
-        """Return Omega_h [rad/s] of a set.
+        """Return Omega_h [rad/s] of the disk with an audited parameter set.
 
         Args:
             name: The set's name.
@@ -320,12 +320,16 @@ def examined(audit: Audit, claim: Claim) -> Finding:
 
 
 def word(compute: Callable[[Audit, str], str]) -> Examination:
-    """Return the examination of a printed word: the computed word must be the same."""
+    """Return a function that examines a printed word of the paper: the computed word must be the
+    same.
+    """
     return _against(compute, str.__eq__)
 
 
 def number(compute: Callable[[Audit, str], Measured]) -> Examination:
-    """Return the examination of a printed number: the computed number must round to it."""
+    """Return a function that examines a printed number of the paper: the computed number must round
+    to it.
+    """
     return _against(compute, rounds_to)
 
 

@@ -26,7 +26,7 @@ _FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e
 
 @dataclass(frozen=True)
 class MethodRun:
-    """The result of one run, and its cost other than time."""
+    """The result of one run of an integrator in the comparison, and its cost other than time."""
 
     status: str  #: "reached", or the reason why it was not
     samples: Any  #: (n, 3) at the problem's times, in any arithmetic; fewer after an early stop
@@ -36,7 +36,7 @@ class MethodRun:
 
 @dataclass(frozen=True)
 class Prepared:
-    """A method set up for a problem."""
+    """An integrator set up for a problem of the comparison, ready to run."""
 
     run: Callable[[float], Any]  #: integrates to a time [s] and returns the state there
     sampled: Callable[[], MethodRun]  #: integrates to the end and returns the samples
@@ -45,7 +45,7 @@ class Prepared:
 
 @dataclass(frozen=True)
 class Method:
-    """A method that takes part in the comparison."""
+    """An integrator that takes part in the comparison, with its settings."""
 
     name: str
     family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
@@ -55,7 +55,7 @@ class Method:
     patience: float = 0.3  #: [s]; after a longer run its tighter settings are left out
 
     def label(self, setting: Any) -> str:
-        """Return a setting as text."""
+        """Return a setting of the method, such as a tolerance, as text."""
         return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
 
 
@@ -104,7 +104,7 @@ def _beyond_double(problem: Problem, precision: str) -> Prepared:
 
 
 def _with_half_widths(problem: Problem, digits: int) -> Prepared:
-    """Prepare a run like that of `Disk.integrate`.
+    """Prepare a run with half-widths on a problem of the comparison, like that of `Disk.integrate`.
 
     It estimates the error, and beyond 12 digits removes it.
     """
@@ -112,7 +112,7 @@ def _with_half_widths(problem: Problem, digits: int) -> Prepared:
 
 
 def _bare(problem: Problem, name: str) -> Prepared:
-    """Prepare a run of heyoka alone, as its manual shows.
+    """Prepare a run of heyoka alone on a problem of the comparison, as its manual shows.
 
     It shows the time that this package adds.
     """

@@ -74,7 +74,7 @@ def _settings(tolerances: object) -> tuple[float, ...]:
 
 
 def states_of(answer: Any, problem: Problem) -> Any:
-    """Return an integrator's answer as an array (n, 3).
+    """Check what a user's integrator has returned, and return it as an array of states (n, 3).
 
     Raises ValueError unless it has a finite state for each time.
     """
@@ -167,7 +167,10 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
 
 
 def _entry(row: Mapping[str, str], column: str, true: Fraction = Fraction(0)) -> float:
-    """Return the number in a column of a row, less the true one."""
+    """Return the number in a column of a row of a CSV file, minus its true value.
+
+    The true value is zero in columns of times and errors.
+    """
     try:
         return float(fraction(row[column]) - true)
     except (InputError, OverflowError):

@@ -161,7 +161,8 @@ PEERS = (
 
 
 def peer_methods() -> tuple[Method, ...]:
-    """Return the peers that are installed.
+    """Return the methods of the comparison that use other people's compiled integrators, as far as
+    these are installed.
 
     Raises:
         InputError: If none is installed.

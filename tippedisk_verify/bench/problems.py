@@ -33,7 +33,9 @@ STOPS = (5, 12, 19)
 
 @dataclass(frozen=True)
 class Problem:
-    """An initial-value problem; all numbers are doubles, taken exactly."""
+    """An initial-value problem for comparing integrators; all numbers are doubles,
+    taken exactly.
+    """
 
     name: str
     says: str
@@ -49,7 +51,7 @@ class Problem:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """The sample times [s], including the end."""
+        """The times [s] at which the problem's states are compared, including the end."""
         return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
 
     @property
@@ -89,8 +91,8 @@ class Problem:
 
 
 class _Written:
-    """An expression as text, in the notation that Python and C share; it takes part in
-    arithmetic.
+    """An expression that is built up as text by arithmetic, in the notation that Python and C
+    share.
     """
 
     def __init__(self, text: str) -> None:

@@ -41,7 +41,7 @@ _GROUPS = {
 
 @dataclass(frozen=True, repr=False)
 class Score(Printable):
-    """The result of one method at one setting on one problem.
+    """The result of one integrator at one setting on one problem: its errors and run times.
 
     Errors are absolute, in rad and rad/s. They are None if the run did not reach the end.
     """
@@ -80,7 +80,8 @@ def raced(
     methods: Sequence[Method] = METHODS,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> list[Score]:
-    """Run every method at every setting on every problem that it can solve.
+    """Run every integrator at every setting on every problem that it can solve, and return the
+    scores.
 
     Args:
         problems: The problems.
@@ -121,8 +122,8 @@ def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
 
 
 def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
-    """Return the seconds of a run, by the method's own clock if it has one, and the state at
-    its end.
+    """Run a prepared integrator once. Return the seconds of the run, by its own clock if it has
+    one, and the state at the end.
     """
     seconds, state = _timed(partial(prepared.run, duration))
     own = prepared.clock() if prepared.clock else None
@@ -191,7 +192,7 @@ def _score(entry: _Entry, truth: Truth) -> Score:
 def _errors(
     outcome: MethodRun, stopped: dict[int, Any], truth: Truth
 ) -> tuple[float | None, float | None]:
-    """Return the largest errors at the ends and at the samples.
+    """Return the largest errors of a run's results at the end and at the sample times.
 
     Both are None if samples are missing. The true values are exact, so differences are exact in any
     precision.
@@ -213,7 +214,8 @@ def _errors(
 
 
 def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
-    """Compare the fastest runs within each bound of the error.
+    """Compare the run times of groups of integrators: the fastest runs within each bound of the
+    error.
 
     Args:
         scores: The scores.

@@ -143,7 +143,9 @@ def heteroclinic(
 
 
 def _written(proof: Any, certificate: Path | None) -> Any:
-    """Return the proof, after writing its certificate if one is asked for and it succeeded."""
+    """Write the certificate of a proof if a file for it is given and the proof succeeded. Return
+    the proof.
+    """
     if proof.proved and certificate is not None:
         write_text(certificate, proof.certificate())
     return proof

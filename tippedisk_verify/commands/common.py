@@ -60,7 +60,7 @@ _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens":
 # ---------------------------------------------------------------------------------- common options
 @dataclass(frozen=True)
 class Output:
-    """The output options of a command that is not about one disk."""
+    """The options of a command that say how its result is printed."""
 
     json: bool
     quiet: bool
@@ -108,7 +108,7 @@ class Output:
 
 @dataclass(frozen=True)
 class Common(Output):
-    """The common options of a command about one disk."""
+    """The options that all commands about one disk share, with the disk."""
 
     disk: Any
     digits: int
@@ -125,7 +125,8 @@ class Common(Output):
 
 # ------------------------------------------------------------------------------- checks of options
 def checked(check: Callable[[Any], Any]) -> Check:
-    """Return a callback that replaces an option's text by ``check(text)``; None stays None.
+    """Return a callback for click that replaces an option's text by ``check(text)``; None stays
+    None.
 
     Args:
         check: A function of the text, which raises InputError for a bad value.
@@ -134,7 +135,7 @@ def checked(check: Callable[[Any], Any]) -> Check:
 
 
 def decimal(context: click.Context, option: click.Parameter, value: str | None) -> str | None:
-    """Check that an option is a decimal, and return its text.
+    """Check that the text of a command-line option is a decimal, and return the text.
 
     It stays a text, because no value may pass through a double.
 
@@ -151,7 +152,9 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
 
 
 def file_for(*endings: str) -> Check:
-    """Return a callback for an option that names an output file with one of these endings."""
+    """Return a callback for click that checks an option: the name of an output file with one of
+    these endings.
+    """
     return checked(lambda text: file_ending_in(text, *endings))
 
 
@@ -260,7 +263,9 @@ def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
 
 
 def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
-    """Return a decorator as `command` does, for a function about one disk that takes a `Common`.
+    """Return a decorator that makes a command about one disk of a function.
+
+    The function takes a `Common` and the options declared below the decorator, as with `command`.
 
     Args:
         help_text: The help of the command.
@@ -295,7 +300,9 @@ def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool
 
 
 def group(name: str, help_text: str, *commands: click.Command) -> click.Group:
-    """Make a group of commands, which prints its help if it is called without one of them."""
+    """Make a command-line group of subcommands, which prints its help if it is called without one
+    of them.
+    """
 
     def show_help() -> None:
         context = click.get_current_context()
@@ -338,12 +345,14 @@ def table(headings: Sequence[str], rows: Iterable[Sequence[object]]) -> Iterator
 
 
 def _width() -> int:
-    """Return the number of characters in a terminal's line; a file's lines have no limit."""
+    """Return the number of characters in a line of the terminal; the lines of a file
+    have no limit.
+    """
     return shutil.get_terminal_size().columns if sys.stdout and sys.stdout.isatty() else sys.maxsize
 
 
 def alone_in(out: str | None) -> Path | None:
-    """Return the output folder, locked for this run until the command ends.
+    """Lock the output folder for this run until the command ends, and return its path.
 
     Args:
         out: The folder's path, or None.
@@ -360,12 +369,15 @@ MOTION = ("t", "beta", "gamma", "v")
 
 
 def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
-    """Return a row by column name for each time of a motion, from its columns as data for JSON."""
+    """Convert the columns of a motion's table, as data for JSON, to rows: one for each time, by
+    column name.
+    """
     return [dict(zip(MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:
-    """Return the rows of a table with each half-width in a column NAME_uncertainty of its own.
+    """Return the rows of a table as texts, with each number's half-width in a column
+    NAME_uncertainty of its own.
 
     An event's name is left out, because it is in the column ``event``.
     """

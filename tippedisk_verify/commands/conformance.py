@@ -161,7 +161,8 @@ def questions(
 
 
 def _refuse_filled_in(target: Path, store: Store) -> None:
-    """Raise InputError if the questions would overwrite answers, or a file that is not a sheet.
+    """Raise InputError if writing questions to a file would overwrite answers, or a file that is
+    not a sheet.
 
     A file that cannot be read may have answers with a mistake.
     """
@@ -328,7 +329,7 @@ def _digits(change: dict[str, Any]) -> str:
 
 
 def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, Store]:
-    """Read a sheet, and return its answers and the store with the true values.
+    """Read a sheet of answers, and return the answers and the store with the true values.
 
     Raises:
         InputError: If the sheet cannot be read, or none of its ids is a question.
@@ -367,7 +368,7 @@ def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> St
 
 @dataclass(frozen=True)
 class _Wanted:
-    """The requested files, and the grades that are required."""
+    """The files that a command is to write, and the grades that it requires."""
 
     page: Path | None
     table: Path | None
@@ -385,7 +386,8 @@ class _Wanted:
         require: tuple[int, ...] | None,
         expected_failures: str | None,
     ) -> _Wanted:
-        """Check the options of a command, and return what they ask for.
+        """Check the options of a command about files and required grades, and return them as one
+        object.
 
         Raises:
             InputError: If a file cannot be written or read.
@@ -408,7 +410,7 @@ class _Wanted:
         broke_off: str = "",
         **more: Any,
     ) -> int:
-        """Diagnose the grades, print and write them, and return the exit status.
+        """Diagnose the grades of a sheet, print and write the report, and return the exit status.
 
         ``more`` holds further fields of the `Report`.
         """

@@ -92,7 +92,7 @@ class DefinedCommand(click.Command):
 
     @property
     def epilog(self) -> str | None:
-        """The end of the help."""
+        """The end of the command's help: the quantities that it prints, and examples."""
         return _paragraphs(_defined(self.path), _examples(self.path))
 
     @epilog.setter
@@ -101,7 +101,9 @@ class DefinedCommand(click.Command):
 
 
 class Cli(click.Group):
-    """The program's commands in sections; help defines what is printed, and ends with examples."""
+    """The program's command line: its commands in sections, with help that defines what is printed
+    and ends with examples.
+    """
 
     def __init__(
         self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object
@@ -112,7 +114,7 @@ class Cli(click.Group):
             self.add_command(command)
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        """Return the names of the commands in the order of the sections."""
+        """Return the names of all commands in the order of the help's sections."""
         return [str(command.name) for members in self.sections.values() for command in members]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
@@ -121,16 +123,17 @@ class Cli(click.Group):
         return None if command is None else _completed(command, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the list of commands, by section."""
+        """Write the list of commands into the help text, by section."""
         for title, members in self.sections.items():
             with formatter.section(title):
                 formatter.write_dl([(str(command.name), _sentence(command)) for command in members])
 
 
 def _completed(command: click.Command, path: str) -> click.Command:
-    """Set a command's path, and return the command.
+    """Complete the help of a command: set its path, and for a group its examples and its commands'
+    paths and summaries.
 
-    For a group, also set its examples, and the paths and summaries of its commands.
+    Returns the command.
     """
     if isinstance(command, DefinedCommand):
         command.path = path

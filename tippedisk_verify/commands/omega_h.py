@@ -85,9 +85,8 @@ def heteroclinic(
 
 
 def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path | None) -> int:
-    """Study the cycles next to Omega_h.
-
-    Show a row for each distance and answer, and write the table or the figure.
+    """Study the limit cycles next to Omega_h, print a row for each distance and answer, and write
+    the table or the figure.
     """
     pairs = None if answers is None else _answers(Path(answers))
     study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
@@ -146,7 +145,7 @@ def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
 
 
 def _distances(text: str) -> list[str]:
-    """Return the distances that FIRST:LAST:COUNT means, as decimals of three digits.
+    """Return the distances that the text FIRST:LAST:COUNT means, as decimals of three digits.
 
     They are evenly spaced in the logarithm. Raises InputError for another text.
     """

@@ -147,7 +147,9 @@ def _times(text: str, ends: list[str]) -> Sequence[Any]:
 
 
 def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) -> None:
-    """Write the figure, or the table of samples followed by the events with their names."""
+    """Write a computed motion to a file: a figure, or the table of samples followed by the events
+    with their names.
+    """
     if target.suffix.lower() == ".png":
         from tippedisk_verify.figures.motion import draw_motion
         from tippedisk_verify.figures.style import encoded
@@ -337,7 +339,8 @@ def branch(
 def _family_table(
     rows: Sequence[LimitCycle | RotatingCycle | MissingCycle],
 ) -> tuple[list[str], list[list[object]]]:
-    """Return a header, and a row for each cycle: numbers with half-widths, stability and status.
+    """Return the header and rows of a table of limit cycles: numbers with half-widths, stability
+    and status.
 
     A speed without a cycle has empty cells, and the reason as its status.
     """

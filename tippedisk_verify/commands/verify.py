@@ -158,7 +158,8 @@ def _verdict_lines(
     long: bool,
     equations: Sequence[str] = (),
 ) -> Iterator[str]:
-    """Yield the verdict on each named equation, then a table of the claims.
+    """Yield the lines that an audit prints: the verdict on each named equation, then a table of the
+    claims.
 
     If equations are named, or ``long`` is true, the details of each claim replace the table.
     """
@@ -201,7 +202,9 @@ def _verdict_lines(
 
 
 def _computed(entry: dict[str, Any]) -> str:
-    """Return one text: the value computed for the selected set, then the number in the paper."""
+    """Return a text about a claim's entry: the value computed for the selected set, then the number
+    in the paper.
+    """
     value = entry["computed"]
     if isinstance(value, str):
         return value.partition("; ")[0]
@@ -262,7 +265,7 @@ def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
 
 
 def _endings(panel: Panel) -> list[str]:
-    """Return lines for printing that show what each orbit of the panel ends on."""
+    """Return lines of text that tell what each orbit of a scene ends on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):
         ending = orbit.ending

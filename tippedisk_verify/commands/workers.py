@@ -78,13 +78,15 @@ def _end_with_parent() -> None:
 
 
 class Checked(Executor):
-    """An executor whose calls raise AccuracyError in a process that has different code."""
+    """An executor that checks the code of its workers: a call raises AccuracyError in a process
+    that has different code.
+    """
 
     def __init__(self, executor: Executor) -> None:
         self._executor = executor
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Submit a call with a check of the worker's code."""
+        """Submit a call to a worker process that first checks that the worker has the same code."""
         return self._executor.submit(
             pickle.loads, pickle.dumps(_Call(partial(fn, *args, **kwargs)))
         )

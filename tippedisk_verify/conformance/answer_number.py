@@ -177,7 +177,7 @@ def as_decimal(text: str) -> Decimal:
 
 
 def _reason(text: str) -> str:
-    """Return a description of a text that is not a number, with advice."""
+    """Return a description of what is wrong with a text that is not a number, with advice."""
     text = re.sub(" +", " ", text)  # a thousand spaces would have every row tried at each of them
     for row, reason in _REASONS:
         if _pattern(row).fullmatch(text):

@@ -74,7 +74,8 @@ class Program:
         self._selector.register(errors, selectors.EVENT_READ, self._overhear)
 
     def ask(self, text: str, waiting: Collection[str], take: Callable[[str], None]) -> str:
-        """Write ``text``, and pass each line read to ``take`` until ``waiting`` is empty.
+        """Send questions to the program, and pass each line that it writes to ``take`` until all
+        are answered.
 
         The time limit is for each answer: the clock restarts when ``waiting`` gets shorter, not
         with other lines.
@@ -122,7 +123,8 @@ class Program:
         return "" if (how := self._fate()) == "status 0" else f"{self.name} ended with {how}"
 
     def explained(self, broken: str) -> str:
-        """Return the reason why no more answers came, with the last line of standard error.
+        """Return the reason why the program gives no more answers, with its last line of standard
+        error.
 
         Args:
             broken: The reason that `ask` returned.
@@ -131,7 +133,10 @@ class Program:
         return f"{broken}: {errors[-1]}" if errors else broken
 
     def errors(self) -> list[str]:
-        """Return the last lines of standard error, after a line that counts the earlier ones."""
+        """Return the last lines that the program wrote to standard error.
+
+        A first line counts the earlier ones, if any were dropped.
+        """
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
         return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
 
@@ -149,7 +154,9 @@ class Program:
             stream.close()
 
     def _fate(self) -> str:
-        """Return a description of how the program has ended; "" while it runs."""
+        """Return a description of how the program has ended, by its exit status or signal; "" while
+        it runs.
+        """
         code = self._process.poll()
         if code is None:
             return ""
@@ -171,7 +178,9 @@ class Program:
         self._input.close()
 
     def _listen(self, take: Callable[[str], None]) -> None:
-        """Check all pipes once, and pass the lines read to ``take``."""
+        """Check all pipes of the program once, and pass the lines that it has written
+        to ``take``.
+        """
         ready = self._selector.select(_POLL_INTERVAL)
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
         # A child of the program may keep the pipe open after the program has ended.
@@ -199,7 +208,10 @@ class Program:
         return whole if content else self._last()
 
     def _last(self) -> list[bytes]:
-        """Mark standard output as closed, and return its rest: the last line may lack a newline."""
+        """Mark the program's standard output as closed, and return the rest that was read.
+
+        The last line may lack a newline.
+        """
         self._closed = True
         rest, self._rest = self._rest, b""
         return [rest]

@@ -52,7 +52,7 @@ def shortcomings(
     required: Iterable[int] | None,
     expected: frozenset[str],
 ) -> list[str]:
-    """Return the reasons why a sheet does not pass, one sentence each; [] if it passes.
+    """Return the reasons why a sheet of answers does not pass, one sentence each; [] if it passes.
 
     A required level without an answer is a reason too. Optional questions do not count.
 
@@ -90,7 +90,7 @@ def shortcomings(
 
 @dataclass(frozen=True)
 class GradeChange:
-    """A question whose answers in two sheets are compared by their digits."""
+    """The grades of a question in an earlier and a later sheet of answers, for comparison."""
 
     id: str
     old: Grade | None
@@ -129,7 +129,9 @@ def _shown(grade: Grade | None) -> float | None:
 
 
 def grade_changes(old: Iterable[Grade], new: Iterable[Grade]) -> list[GradeChange]:
-    """Return the changes between two sheets, worst first; optional answers do not count.
+    """Return the questions whose grades changed between two sheets of answers, worst changes first.
+
+    Optional answers do not count.
 
     Args:
         old: The grades of the earlier sheet.

@@ -68,7 +68,9 @@ _IMPRECISE_SHARE = 0.5
 
 @dataclass(frozen=True, slots=True, repr=False)
 class Grade(Printable):
-    """One answer compared with the truth for the inputs that it was computed from."""
+    """The grade of one answer: its comparison with the truth for the inputs from which it was
+    computed.
+    """
 
     id: str
     level: int
@@ -88,7 +90,11 @@ class Grade(Printable):
         return self.verdict in ("few-digits", "wrong", "not-a-number", "unreadable")
 
     def shortfall(self, wanted: float) -> str:
-        """Return one line on how the answer falls short of ``wanted`` digits."""
+        """Return one line of text about an answer with fewer than the ``wanted`` digits: how many
+        it has, and the truth.
+
+        For an answer that is not a number it has the reason.
+        """
         short = f"{self.digits:.1f} digits, not {wanted:.3g}; the truth is {self.truth}"
         return (
             f"{self.id} = {self.answer[:40]}: {short if math.isfinite(self.digits) else self.note}"
@@ -110,7 +116,9 @@ class Grade(Printable):
 
 @dataclass(frozen=True, repr=False)
 class Tally(Printable):
-    """The answers of one level, or those to one quantity of a level under one friction law."""
+    """A count of grades: of the answers of one level, or of those to one quantity of a level under
+    one friction law.
+    """
 
     level: int
     asked: int
@@ -203,7 +211,9 @@ class Tally(Printable):
 def digits_between(
     answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf
 ) -> float:
-    """Return -log10(|answer - truth| / scale), between -99 and ``most``.
+    """Return the number of digits to which an answer agrees with the truth.
+
+    It is -log10(|answer - truth| / scale), between -99 and ``most``.
 
     Args:
         answer: The answer.
@@ -287,7 +297,7 @@ def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
 
 
 def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
-    """Return True if the answer is the double nearest to the truth, written with 16 or 17 digits.
+    """Return True if an answer is the double nearest to the truth, written with 16 or 17 digits.
 
     The seventeenth digit of such a double may differ from the truth's.
     """
@@ -295,7 +305,8 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
 
 
 def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
-    """Return the tallies of all levels that have questions, without optional ones.
+    """Count the grades by level: return the tallies of all levels that have questions, without
+    optional ones.
 
     Args:
         grades: The grades of a sheet.
@@ -312,7 +323,8 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]
 
 
 def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
-    """Return the tallies by level, quantity and friction law, in the order of the questions.
+    """Count the grades by level, quantity and friction law: return the tallies in the order of the
+    questions.
 
     Args:
         grades: The grades of a sheet.
@@ -355,7 +367,7 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
 
 @arithmetic()
 def answer_text(answer: object) -> str:
-    """Return an answer as the decimal that it stands for.
+    """Convert an answer of any kind to the text of its decimal.
 
     Args:
         answer: A number of any kind or a decimal string.

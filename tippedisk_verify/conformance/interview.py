@@ -45,7 +45,7 @@ class Interview:
         self._end = ""
 
     def exchange(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
-        """Ask several questions together, and wait for their answers.
+        """Ask the program several questions together, and wait for its answers.
 
         Args:
             questions: The questions, each by columns.
@@ -74,7 +74,8 @@ class Interview:
     def conduct(
         self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]
     ) -> None:
-        """Ask all questions in turn, grade the answers, and keep grades and times on this object.
+        """Ask the program all questions in turn, grade the answers, and keep grades and times on
+        this object.
 
         Args:
             asked: The questions.
@@ -121,11 +122,13 @@ class Interview:
             self._end = self.program.finish(self._take)
 
     def answers(self) -> Answers:
-        """Return all answers so far to the questions that count, even if the program broke off."""
+        """Return all answers that the program has given so far to the questions that count, even if
+        it broke off.
+        """
         return collected(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
-        """Return the answers as lines of JSON, as `conformance grade` reads them.
+        """Return the program's answers as lines of JSON, as `conformance grade` reads them.
 
         Each line is an object with the keys id, from and answer.
         """
@@ -157,7 +160,9 @@ class Interview:
         ]
 
     def remarks(self) -> list[str]:
-        """Return remarks on everything that the program did apart from answering."""
+        """Return remarks on what the program did apart from answering, such as other lines that it
+        wrote.
+        """
         remarks = [self.broke_off or self._end]
         remarks += [
             f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()

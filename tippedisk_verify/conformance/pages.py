@@ -39,7 +39,7 @@ _MAX_ROWS = 2_000  # rows of a level on a page, failures first; the JSON contain
 
 @dataclass(frozen=True, repr=False)
 class Report(Printable):
-    """A graded sheet with its diagnosis and remarks."""
+    """The report on a sheet of answers: its grades, its diagnosis and remarks."""
 
     source: str
     answers: Answers
@@ -65,7 +65,9 @@ class Report(Printable):
         return graded and not any(grade.failed for grade in counting)
 
     def __str__(self) -> str:
-        """Return at most ten lines: the result, the diagnosis, the remarks and the failures."""
+        """Return the report in at most ten lines: the result, the diagnosis, the remarks and the
+        failures.
+        """
         lines = [
             self.headline(),
             *(diagnosis.says() for diagnosis in self.diagnoses),
@@ -79,7 +81,7 @@ class Report(Printable):
         return next((level for level in self.levels if level.failed), None)
 
     def headline(self) -> str:
-        """Return the result in one sentence."""
+        """Return the result of the grading in one sentence."""
         if not self.grades:
             return "no question was answered"
         first = self.first_failure
@@ -110,12 +112,12 @@ class Report(Printable):
 
     @property
     def quantities(self) -> list[Tally]:
-        """The tallies by quantity, at the levels that fail."""
+        """The tallies of answers by quantity, for the levels that fail."""
         failing = {level.level for level in self.levels if level.failed}
         return [row for row in by_quantity(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
-        """Return remarks on the sheet itself, each in one line."""
+        """Return remarks on the sheet of answers itself, such as unknown ids, each in one line."""
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
@@ -163,7 +165,8 @@ class Report(Printable):
         return said + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
-        """Return a remark for each reason why answers are not numbers, with the first such answer.
+        """Return remarks on answers that are not numbers, one for each reason, with the first such
+        answer.
 
         At most five reasons are given, and the number of the others.
         """
@@ -185,7 +188,8 @@ class Report(Printable):
         )
 
     def _tolerance(self) -> list[str]:
-        """Return a remark for each level at which the tolerance of an integrator shows.
+        """Return remarks on levels at which a program's integration tolerance seems to limit its
+        digits.
 
         At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
         """
@@ -210,7 +214,9 @@ class Report(Printable):
         return said
 
     def csv(self) -> str:
-        """Return the tallies by level, quantity and friction law as the text of a CSV file."""
+        """Return the tallies of answers by level, quantity and friction law as the text of a CSV
+        file.
+        """
         columns = list(Tally.of((), 0, 0, "any").to_dict())
         return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
 
@@ -263,7 +269,7 @@ def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[
 
 
 def counted(number: int, one: str, many: str) -> str:
-    """Return a number followed by the words for one thing or for several.
+    """Return a text with a number, followed by the words for one thing or for several.
 
     Args:
         number: The number.
@@ -274,7 +280,7 @@ def counted(number: int, one: str, many: str) -> str:
 
 
 def shade(verdict: str) -> str:
-    """Return the name of a verdict's colour; "" if nothing was graded.
+    """Return the name of the colour in which a verdict is shown; "" if nothing was graded.
 
     Args:
         verdict: The verdict on an answer or on a level.
@@ -283,16 +289,17 @@ def shade(verdict: str) -> str:
 
 
 def shown_digits(digits: float) -> str:
-    """Return digits with one decimal, never "-0.0"; "" if they are not finite.
+    """Return a number of digits as text with one decimal, never "-0.0"; "" if it is not finite.
 
     Args:
-        digits: The digits.
+        digits: The number of digits.
     """
     return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
 
 
 def shown_least(tally: Tally) -> str:
-    """Return the least digits in a tally as text; "none" if one of its answers is not a number.
+    """Return the least number of digits in a tally of answers as text; "none" if one of its answers
+    is not a number.
 
     Args:
         tally: The tally of the level or the quantity.
@@ -439,9 +446,10 @@ def html_page(report: Report) -> str:
 
 
 def _level_section(level: Tally, grades: Sequence[Grade]) -> dict[str, Any]:
-    """Return the grades of a level by name, as the page shows them.
+    """Return the parts of the HTML page about one level, by name.
 
-    They are its tally, its failures, its other answers, and the number of rows beyond the limit.
+    They are the level's tally, its failures, its other answers, and the number of rows beyond the
+    limit.
     """
     own = sorted(
         (grade for grade in grades if grade.level == level.level),

@@ -60,7 +60,7 @@ def tippedisk_agrees() -> Callable[..., Grade]:
 
 
 def _in_one_line(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Return a function that does the same, but fails the test with one line for an InputError."""
+    """Wrap a function so that an InputError fails the test with one line."""
 
     def called(id_: str, *given: Any, **options: Any) -> Any:
         __tracebackhide__ = True

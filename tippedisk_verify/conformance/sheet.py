@@ -68,7 +68,9 @@ _MAX_STRANGE = 20  # names that are listed
 
 @dataclass
 class Answers:
-    """The answers of a sheet, by id as (reading, text), and the parts that could not be used."""
+    """The answers that were read from a sheet, by id as (reading, text), and the parts that could
+    not be used.
+    """
 
     given: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
@@ -131,7 +133,9 @@ def questions(
 
 
 def _optional_ones(quantity: Quantity) -> list[Quantity]:
-    """Return the optional questions that follow M of a state, without answers; [] for others."""
+    """Return the optional questions about a state, from the question about its M, without answers;
+    [] for other questions.
+    """
     blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
     names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
     return [
@@ -151,7 +155,8 @@ def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
 
 
 def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
-    """Return the sheet as CSV. Where only decimals make sense, the column ``from`` is filled in.
+    """Return a sheet of questions as CSV text. Where only decimals make sense, the column ``from``
+    is filled in.
 
     Args:
         store: The questions with their parameters.
@@ -162,7 +167,7 @@ def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
 
 
 def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
-    """Return the sheet as JSON, one question to a line.
+    """Return a sheet of questions as JSON text, one question to a line.
 
     Args:
         store: The questions with their parameters.
@@ -175,7 +180,8 @@ def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
 def store_for(
     path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
 ) -> Store:
-    """Return the store with the truths of the fresh questions that a sheet names.
+    """Return the store of questions, extended by the truths of the fresh questions that a sheet
+    names.
 
     Args:
         path: The sheet.
@@ -218,7 +224,8 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
 
 
 def answer_line(line: str) -> Row | None:
-    """Return the answer that one line of JSON gives; None if it gives no answer.
+    """Read one line of JSON that a program has written, and return the answer in it; None if it
+    gives no answer.
 
     Args:
         line: The line.
@@ -379,7 +386,10 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 
 
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
-    """Return names in a sheet as text for a message, as many as fit; "none" without a name."""
+    """Return names found in a sheet as text for a message, as many as fit; "none" without a name.
+
+    A likely meant name follows each that is not known.
+    """
     return (
         ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
     )
@@ -458,7 +468,8 @@ def _without_missing(answers: Answers) -> Answers:
 
 
 def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
-    """Return the name of the first column that differs from the question; None if none does.
+    """Return the name of the first column in which a row of a sheet differs from the question; None
+    if there is no difference.
 
     A number may be written in another way, such as with a decimal comma.
 

@@ -54,7 +54,9 @@ _MAX_FLIGHT = 60.0
 
 @dataclass(frozen=True, repr=False)
 class BisectedOmegaH(Printable):
-    """The speed of the heteroclinic connection and how it was found."""
+    """The result of a bisection for Omega_h, the speed of the heteroclinic connection, with its
+    method.
+    """
 
     omega_h: Measured  #: the speed at which the two noninverted saddles are connected [rad/s]
     method: str
@@ -168,8 +170,10 @@ def _passes(
     offset: Fraction = _START_DISTANCE,
     tolerance: float | None = None,
 ) -> bool:
-    """Return True if the unstable branch passes the next saddle, False if it turns back. Raises
-    AccuracyError if the flight fails.
+    """Return True if the unstable branch of a saddle passes the next saddle, False if it turns
+    back.
+
+    Raises AccuracyError if the flight fails.
     """
     result = unstable_branch(
         parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance
@@ -205,8 +209,9 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
 
 
 def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:
-    """Return two neighbouring doubles [rad/s] between which the branch changes sides.
+    """Return two neighbouring doubles [rad/s] between which the unstable branch changes sides.
 
+    ``passes`` tells if the branch passes the next saddle at a speed; otherwise it turns back.
     ``top`` is Omega_crit. Raises NoConnectionError if the branch does not change sides between
     Omega_crit / 2 and 3/2 Omega_crit.
     """
@@ -231,7 +236,13 @@ def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Frac
 def _narrowed(
     passes: Callable[..., bool], lower: Fraction, upper: Fraction
 ) -> tuple[Fraction, Fraction]:
-    """Return two neighbouring doubles [rad/s] between which the branch changes sides."""
+    """Return two neighbouring doubles [rad/s] between which the branch changes sides, by bisection.
+
+    Args:
+        passes: Returns True for a speed at which the branch passes the next saddle.
+        lower: A speed at which the branch passes.
+        upper: A speed at which the branch turns back.
+    """
     while (middle := Fraction(float((lower + upper) / 2))) not in (lower, upper):
         lower, upper = (middle, upper) if passes(middle) else (lower, middle)
     return lower, upper

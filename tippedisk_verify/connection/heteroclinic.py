@@ -41,7 +41,8 @@ _GAMMA_TOP = Event(
 
 @dataclass(frozen=True, repr=False)
 class Heteroclinic(Printable):
-    """The connection from (pi/2, -pi/2, 0) to (pi/2, 3 pi/2, 0).
+    """The heteroclinic connection of the saddles (pi/2, -pi/2, 0) and (pi/2, 3 pi/2, 0), with its
+    speed Omega_h.
 
     By the point symmetry the way back exists too. Only the method `manifolds` gives the splitting
     derivative and the budget.
@@ -72,7 +73,7 @@ class Heteroclinic(Printable):
     budget: dict[str, float] = field(default_factory=dict)
 
     def orbit(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any]:
-        """Return times and states along the connection.
+        """Return times and states along the heteroclinic orbit.
 
         The orbit begins at a distance of 1e-6 from the first saddle. It ends where doubles leave
         the connection, some 1e-4 before the second saddle.
@@ -93,8 +94,8 @@ class Heteroclinic(Printable):
         return times, states
 
     def samples(self, count: int = 401, *, engine: Engine | None = None) -> tuple[Any, Any, Any]:
-        """Return times and states as `orbit` does, and the half-widths of the states at exactly
-        these times.
+        """Return times and states along the heteroclinic orbit as `orbit` does, and the half-widths
+        of the states at exactly these times.
 
         The half-widths include the effect of the half-width of Omega_h on a state, which grows
         towards the second saddle. They are infinite for an engine that does not measure its error.
@@ -139,7 +140,8 @@ class Heteroclinic(Printable):
     def _branch(
         self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True
     ) -> Result:
-        """Return the flight from the first saddle along its unstable branch, in shifted angles.
+        """Return the flight at a speed from the first saddle along its unstable branch, in shifted
+        angles.
 
         Its event is gamma = pi/2. Raises AccuracyError if the flight does not reach the last time.
         """
@@ -173,7 +175,7 @@ def heteroclinic_at(
     engine: Engine,
     zero: SplittingZero | None = None,
 ) -> Heteroclinic:
-    """Return the connection at a known Omega_h.
+    """Return the heteroclinic connection at a known Omega_h, with its eigenvalues.
 
     Args:
         parameters: The disk and its friction law.

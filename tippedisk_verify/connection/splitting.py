@@ -75,7 +75,11 @@ _BY_STAGES, _BY_WIDER_RUN = 0.4, 0.6
 
 @dataclass(frozen=True)
 class Splitting:
-    """The splitting at one speed: coordinates of the end of the branch at the second saddle."""
+    """The splitting of the saddles' manifolds at one speed.
+
+    It consists of the coordinates in which the first saddle's unstable branch arrives at the second
+    saddle. The connection exists where u = 0.
+    """
 
     omega: Fraction  #: [rad/s]
     u: Any  #: along the unstable eigenvector; 0 on the stable manifold
@@ -85,14 +89,17 @@ class Splitting:
 
     @property
     def carried(self) -> Fraction:
-        """The coordinate u, carried back along the flow to s = 1."""
+        """The splitting u, carried back along the flow to s = 1, so that flights of any length can
+        be compared.
+        """
         return fraction(self.u * self.growth)
 
 
 class SplittingFunction:
-    """The splitting as a function of Omega in one arithmetic.
+    """The splitting of the saddles' manifolds as a function of Omega, computed in one arithmetic.
 
-    The orders of its series and its flight time suit the digits of the arithmetic.
+    The zero of its coordinate u is Omega_h. The orders of its series and its flight time suit the
+    digits of the arithmetic.
 
     Args:
         parameters: The disk and its friction law.
@@ -142,7 +149,7 @@ class SplittingFunction:
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: the last result, except by slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
-        """Return the splitting at a speed [rad/s].
+        """Return the splitting of the saddles' manifolds at a speed [rad/s].
 
         Raises:
             AccuracyError: If the flight fails.
@@ -163,7 +170,15 @@ class SplittingFunction:
     def _flown(
         self, saddle: Saddle, precision: Precision, duration: object, times: Any = None
     ) -> Result:
-        """Return the flight along the saddle's unstable branch, from the chosen distance on."""
+        """Return the flight along the saddle's unstable branch, from this object's starting
+        distance on.
+
+        Args:
+            saddle: The saddle at the speed of the flight.
+            precision: The arithmetic.
+            duration: The flight's duration [s].
+            times: Sample times [s], or None.
+        """
         wanted: dict[str, Any] = {
             "times": times,
             "precision": precision,
@@ -175,14 +190,16 @@ class SplittingFunction:
 
     @property
     def step(self) -> Fraction:
-        """The step of a central difference [rad/s]: ten to minus half of the digits.
+        """The step of the speed in a central difference of the splitting [rad/s]: ten to minus half
+        of the digits.
 
         It lies between the resolution and the step at which curvature shows.
         """
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self, omega: Fraction) -> Fraction:
-        """Return d(u)/d(Omega), carried back to s = 1 [s/rad].
+        """Return the derivative of the splitting u with respect to Omega, carried back to s = 1
+        [s/rad].
 
         Args:
             omega: The speed [rad/s].
@@ -193,8 +210,8 @@ class SplittingFunction:
         return change / (2 * self.step)
 
     def slope_by(self, symbol: str, omega: Fraction) -> Fraction:
-        """Return the derivative of u with respect to a parameter of the disk, carried back to s = 1
-        [SI].
+        """Return the derivative of the splitting u with respect to a parameter of the disk, carried
+        back to s = 1 [SI].
 
         Start, end and flight time are kept, because u does not depend on them.
 
@@ -216,7 +233,8 @@ class SplittingFunction:
         return change / (2 * step)
 
     def _flight_time(self, saddle: Saddle) -> Fraction:
-        """Return the flight time [s] after which the slow stable coordinate is that of the end.
+        """Return the flight time [s] from the first saddle until the slow coordinate at the second
+        saddle is as small as wanted.
 
         It is rounded to a hundredth of a second. Raises AccuracyError if the branch does not come
         near the second saddle.
@@ -239,7 +257,9 @@ class SplittingFunction:
 
 @dataclass(frozen=True)
 class SplittingZero:
-    """Omega_h, the splitting near it, and the parts of its error."""
+    """Omega_h as the zero of the splitting, with the splitting's derivative there and the parts of
+    the error.
+    """
 
     omega_h: Measured  #: [rad/s]
     budget: dict[str, float]  #: the parts of the half-width of omega_h, by name [rad/s]
@@ -248,7 +268,8 @@ class SplittingZero:
 
     @cached_property
     def derivative(self) -> Measured:
-        """The derivative d(u)/d(Omega) [s/rad], carried back along the flow to s = 1.
+        """The derivative of the splitting u with respect to Omega [s/rad], carried back along the
+        flow to s = 1.
 
         Its error is measured: a different step and a different distance from the saddles change the
         slope by as much as it is wrong.
@@ -280,7 +301,8 @@ class SplittingZero:
 def splitting_zero(
     parameters: Parameters, guess: Fraction, engine: Engine, digits: int
 ) -> SplittingZero:
-    """Return Omega_h to ``digits`` significant digits. The result is cached.
+    """Return Omega_h to ``digits`` significant digits, as the zero of the splitting. The result is
+    cached.
 
     Args:
         parameters: The disk and its friction law.
@@ -388,7 +410,9 @@ def _zero(
 
 
 class _Slope(NamedTuple):
-    """d(u)/d(Omega), carried back to s = 1 [s/rad], and a bound of its relative error."""
+    """The derivative of the splitting u with respect to Omega, carried back to s = 1 [s/rad], and a
+    bound of its relative error.
+    """
 
     value: Fraction
     error: Fraction
@@ -430,13 +454,16 @@ def _newton(
 
 
 def _short(value: float) -> Fraction:
-    """Round to three significant digits, so that the value is exact, and the same, in every
-    arithmetic.
+    """Return a double rounded to three significant digits, as a fraction.
+
+    Such a value is exact, and the same, in every arithmetic.
     """
     return Fraction(f"{value:.2e}")
 
 
 def _cut(omega: Fraction, precision: Precision) -> Fraction:
-    """Round to a few bits more than the arithmetic has, so that the fraction does not grow."""
+    """Round a speed to a few bits more than the arithmetic has, so that the fraction does not grow
+    from step to step.
+    """
     scale = 1 << (precision.bits + 8)
     return Fraction(round(omega * scale), scale)

@@ -35,7 +35,7 @@ _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance fr
 def cycle_above(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:
-    """Return the limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
+    """Return the librating limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
 
     Args:
         parameters: The disk and its friction law.
@@ -74,8 +74,10 @@ def rotating_below(
 def _next_to_omega_h(
     section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int
 ) -> C:
-    """Return the cycle at a distance from Omega_h, on the piece of the section's family that ends
-    there.
+    """Return the limit cycle at a distance from Omega_h, to ``digits`` significant digits.
+
+    It is on the piece of the family that ends at Omega_h: librating cycles above, stable rotating
+    ones below, as the section tells.
     """
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
@@ -117,9 +119,11 @@ def _next_to_omega_h(
 
 
 def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
-    """Return the length [rad/s] of the piece of the section's family that ends at Omega_h.
+    """Return the length [rad/s] of the range of speeds over which limit cycles exist next to
+    Omega_h.
 
-    Raises NoSuchCycleError if the piece lies on the other side of Omega_h.
+    It is the length of the piece of the family that ends at Omega_h. Raises NoSuchCycleError if the
+    piece lies on the other side of Omega_h.
     """
     omega_h = disk_locator.omega_h
     if section is ROTATING:
@@ -138,7 +142,8 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
 
 
 def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction, int]:
-    """Return a distance from Omega_h [rad/s], and the digits of Omega_h that a cycle there needs.
+    """Check a user's distance from Omega_h, and return it [rad/s] with the digits of Omega_h that a
+    cycle there needs.
 
     ``digits`` is the number of digits wanted of the cycle. Raises InputError unless the distance is
     a positive decimal that is not too small for these digits.

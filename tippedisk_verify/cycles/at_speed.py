@@ -46,8 +46,8 @@ def cycle_at(
     stable: bool | None = None,
     half_widths: bool = True,
 ) -> LimitCycle:
-    """Return the limit cycle at ``omega``, to ``digits`` significant digits, however close to
-    Omega_h the speed is.
+    """Return the librating limit cycle at ``omega``, to ``digits`` significant digits, however
+    close to Omega_h the speed is.
 
     Args:
         parameters: The disk and its friction law.
@@ -93,7 +93,7 @@ def cycle_at(
 def cycles_at(
     parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True
 ) -> list[LimitCycle]:
-    """Return all limit cycles at a speed to 12 digits, from the smallest amplitude on.
+    """Return all librating limit cycles at a speed to 12 digits, from the smallest amplitude on.
 
     If the family has no cycle at the speed, `cycle_at` searches for one outside the family.
 

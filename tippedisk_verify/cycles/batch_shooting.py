@@ -59,24 +59,26 @@ class BatchCycles:
 
     @property
     def coordinate(self) -> Array:
-        """The section's first coordinate of each cycle (n,)."""
+        """The first coordinate on the section of each cycle in the batch (n,)."""
         return self.numbers[self.section.names[0]]
 
     @property
     def slope(self) -> Any:
-        """|dOmega / d(first coordinate)| along the family at each cycle (n,)."""
+        """The size of dOmega / d(first coordinate) along the family, at each cycle in the batch
+        (n,).
+        """
         return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
 
     @property
     def guess(self) -> Any:
-        """The start (3, n) of Newton's iteration that finds these cycles again: coordinates and
-        flight time.
+        """The start (3, n) from which Newton's iteration finds these cycles again: both coordinates
+        and the flight time.
         """
         first, second = (self.numbers[name] for name in self.section.names)
         return numpy.stack((first, second, self.numbers["period"] / self.section.per_period))
 
     def only(self, which: Any) -> BatchCycles:
-        """Select a subset of the batch.
+        """Return a batch with some of these cycles.
 
         Args:
             which: The indices or the mask (n,) of the cycles.
@@ -96,7 +98,8 @@ def shoot_batch(
     tolerance: Any = _SMALL_STEP,
     free_omega: bool = False,
 ) -> BatchCycles:
-    """Solve for a cycle at every speed, then compute all its numbers.
+    """Solve for the limit cycles at many speeds at once by Newton's iteration, then compute all
+    their numbers.
 
     Args:
         section: The section.
@@ -135,7 +138,7 @@ def shoot_batch(
 
 
 class _Step(NamedTuple):
-    """One Newton step of n runs, and the numbers that their derivatives give."""
+    """One Newton step for n cycles at once, and the numbers that their derivatives give."""
 
     step: Array  #: (n, 3) the step of the three free unknowns
     by_omega: Array  #: (n, 3) derivatives of coordinates and flight time along the family
@@ -158,10 +161,11 @@ class _SectionBatch:
         self._free = numpy.delete(numpy.arange(4), held)
 
     def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
-        """Solve all runs; ``unknowns`` become the solutions.
+        """Solve for all cycles of the batch by Newton's iteration.
 
-        Each run ends by its own step and leaves the others. Returns a mask of the runs that
-        converge, and their last steps (NaN for others).
+        ``unknowns`` has the guesses, and is overwritten by the solutions. Each run ends by its own
+        step and leaves the others. Returns a mask of the runs that converge, and their last steps
+        (NaN for others).
         """
         count = len(unknowns)
         last = _Step(
@@ -192,7 +196,9 @@ class _SectionBatch:
         return converged, last
 
     def _possible(self, unknowns: Array) -> Any:
-        """Return a mask of the runs that may go on: within the section, and forward in time."""
+        """Return a mask of the runs whose iteration may go on: their unknowns are finite, the point
+        is possible on the section, and flight time and speed are positive.
+        """
         first, second, flight, omega = unknowns.T
         inside = (
             self._section.possible(first, second)
@@ -247,10 +253,11 @@ class _SectionBatch:
         )
 
     def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
-        """Return the section's measures, and the integral of the ``divergence`` over a flight, by
-        name.
+        """Return further numbers of the cycles, by name, from one more flight of each.
 
-        ``runs`` are the indices (k,) of the runs, and the numbers are arrays (k,).
+        They are the section's measures, such as the largest lean, and the integral of the
+        ``divergence`` over a flight. ``runs`` are the indices (k,) of the cycles, and the numbers
+        are arrays (k,).
         """
         states = unknowns[runs]
         flights = self._lanes(
@@ -273,7 +280,9 @@ class _SectionBatch:
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:
-    """Return the field (n, 3) of the linear law at shifted states (n, 3)."""
+    """Return the rates of motion (n, 3) under the linear law at shifted states (n, 3), each for its
+    own disk and speed.
+    """
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
     return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)

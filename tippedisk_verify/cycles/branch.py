@@ -89,7 +89,9 @@ _MIN_FOR_LANES = 100
 
 @dataclass(frozen=True, repr=False)
 class SpecialPoint(Printable):
-    """A point at which a piece of the family of limit cycles begins or ends."""
+    """A point at which a piece of the family of limit cycles begins or ends, with its name and
+    numbers.
+    """
 
     name: str  #: ``Omega_crit`` (the Hopf point), ``fold 1``, ``fold 2``, ... or ``Omega_h``
     omega: Measured = field(metadata=quantity("the speed there", "rad/s"))
@@ -185,7 +187,8 @@ class Branch(Printable):
         return tuple(points)
 
     def restart(self, point: SpecialPoint | str, count: int = DEFAULT_COUNT) -> Branch:
-        """Return the branch from a special point on, to the next one or to the family's end.
+        """Return the branch of limit cycles from a special point on, to the next one or to the
+        family's end.
 
         Args:
             point: One of `points`, or its name.
@@ -208,7 +211,10 @@ class Branch(Printable):
         return len(self.cycles)
 
     def __getitem__(self, index: Any) -> Any:
-        """Return a cycle, or the cycles of a slice; a missing one as in ``cycles``."""
+        """Return one of the branch's cycles, or the cycles of a slice.
+
+        A speed without a cycle has a `MissingCycle`.
+        """
         return self.cycles[index]
 
     def plot(self, axes: Any = None) -> Any:
@@ -285,10 +291,12 @@ class Branch(Printable):
         )
 
     def _lines(self, name: str) -> Iterator[tuple[str, str, tuple[list[float], list[float]]]]:
-        """Yield the line style, the label and the points of each stretch of one stability.
+        """Yield the lines of a plot: for each stretch of cycles of one stability its style, label
+        and points.
 
-        The stretches meet in the special points between their cycles. A line begins in the Hopf
-        point if that is no farther away than the cycles are from each other.
+        ``name`` is the number that is plotted against the speed. The stretches meet in the special
+        points between their cycles. A line begins in the Hopf point if that is no farther away than
+        the cycles are from each other.
         """
         heights = numpy.sort(self.gamma_bar_0[numpy.isfinite(self.gamma_bar_0)])
         reach = numpy.diff(heights).max(initial=0.0)
@@ -312,8 +320,9 @@ class Branch(Printable):
         return {"orbits": as_json(self.cycles)}
 
     def _rows(self) -> list[list[str]]:
-        """Return rows of text: a heading and the numbers of the first and last cycles, at most ten
-        rows.
+        """Return rows of text for a table: a heading and the numbers of the first and last cycles.
+
+        There are at most ten rows.
         """
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN]
@@ -332,18 +341,23 @@ class Branch(Printable):
         return "\n".join([f"Branch{whose}: {len(cycles)} limit cycles{without}", *lines])
 
     def _repr_html_(self) -> str:
-        """Return a table, for notebooks."""
+        """Return an HTML table of the first and last cycles, for notebooks."""
         rows = ("".join(f"<td>{escape(cell)}</td>" for cell in row) for row in self._rows())
         return f"<table><tr>{'</tr><tr>'.join(rows)}</tr></table>"
 
 
 def _abscissa(place: LimitCycle | SpecialPoint) -> float:
-    """Return gamma_bar_0 [rad], which rises along the family, whatever the order of the speeds."""
+    """Return the number by which a family is ordered: gamma_bar_0 [rad] of a cycle or special
+    point.
+
+    It rises along the family, even where the speeds do not.
+    """
     return float(place.gamma_bar_0)
 
 
 def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
-    """Return the stability of the first limit cycle among these places; special points are skipped.
+    """Return the stability of the first limit cycle among some cycles and special points; the
+    points are skipped.
 
     Returns None if there is no limit cycle, or if its stability is uncertain.
     """
@@ -351,7 +365,7 @@ def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
 
 
 def found(rows: Iterable[C | MissingCycle]) -> list[C]:
-    """Return the cycles, without the missing ones.
+    """Return the limit cycles among some rows, without the missing ones.
 
     Args:
         rows: Cycles and missing cycles.
@@ -360,7 +374,7 @@ def found(rows: Iterable[C | MissingCycle]) -> list[C]:
 
 
 def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
-    """Return the rows if any of them is a cycle.
+    """Return the rows as a list, unless all are missing cycles.
 
     Args:
         rows: Cycles and missing cycles.
@@ -375,8 +389,8 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
 
 
 def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]:
-    """Return the paper's speeds [rad/s]: Omega_0 = Omega_crit - 0.5, A^in towards Omega_crit and
-    A^de towards Omega_h.
+    """Return the speeds [rad/s] at which the paper computes limit cycles: Omega_0 = Omega_crit -
+    0.5, the set A^in towards Omega_crit and the set A^de towards Omega_h.
 
     Each set has 400 steps, each a hundredth of the rest. The speeds are doubles, because the
     paper's are. The paper's index set I = {1, ..., 400} leaves Omega_1 undefined. This Omega_1
@@ -417,8 +431,8 @@ def family(
     omegas: Sequence[object] | None = None,
     half_widths: bool = True,
 ) -> Iterator[LimitCycle | MissingCycle]:
-    """Return an iterator of cycles: the paper's 801, those at given speeds, or an overview from the
-    Hopf point to the connection.
+    """Return an iterator of librating limit cycles: the paper's 801, those at given speeds, or an
+    overview from the Hopf point to the connection.
 
     A speed at which several cycles coexist gives all of them, from the smallest amplitude on. A
     speed without a cycle gives a `MissingCycle`.
@@ -457,11 +471,11 @@ def _at(
     singly: Callable[[Fraction], list[C]],
     speeds: Sequence[Fraction],
 ) -> Iterator[C | MissingCycle]:
-    """Yield all cycles of a kind at these speeds.
+    """Yield all limit cycles of a kind at given speeds.
 
     Many speeds of the linear law are solved as doubles, in lanes of the Taylor engine. A speed
-    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone. A speed without a cycle gives
-    a `MissingCycle`, and the others go on.
+    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone, by ``singly``. A speed
+    without a cycle gives a `MissingCycle`, and the others go on.
     """
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
@@ -489,7 +503,8 @@ def _at(
 
 
 def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
-    """Yield cycles along the family, closer together towards the ends of its pieces.
+    """Yield librating limit cycles along the whole family, closer together towards the ends of its
+    pieces.
 
     They stay a thousandth of a piece, or as far as doubles need, from its ends. A piece that is too
     short for that is left out.
@@ -508,7 +523,8 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
 def _piece(
     disk_locator: Locator, piece: int, count: int, half_widths: bool
 ) -> Iterator[LimitCycle]:
-    """Yield ``count`` cycles on a piece of the family, closer together towards its ends.
+    """Yield ``count`` librating limit cycles on one piece of the family, closer together towards
+    its ends.
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """

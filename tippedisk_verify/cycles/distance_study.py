@@ -29,7 +29,7 @@ LAWS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
 
 @dataclass(frozen=True, repr=False)
 class DistanceRow(Printable):
-    """The limit cycle at one distance above Omega_h."""
+    """The limit cycle at one distance above Omega_h, with the values of the period's law there."""
 
     distance: Measured = field(metadata=quantity("Omega - Omega_h", "rad/s"))
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))

@@ -95,7 +95,7 @@ _MAX_SHRINKAGE = 5
 
 
 def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: bool = True) -> C:
-    """Return the cycle of a fixed point in double, to ``digits`` significant digits.
+    """Return a limit cycle to ``digits`` significant digits, from its fixed point in double.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
@@ -131,7 +131,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
 
 
 def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS) -> C:
-    """Return the cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
+    """Compute a limit cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
     arithmetic has ``more`` extra digits. They are doubled until the digits are reached, in at most
@@ -158,8 +158,10 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
 def cycle_in_precision(
     fixed_point: FixedPoint[C], precision: Precision, wider: Precision | None = None
 ) -> C:
-    """Return the cycle in one arithmetic, with half-widths from twins in double or from a wider
-    arithmetic.
+    """Compute a limit cycle in one arithmetic, with half-widths.
+
+    In double the half-widths come from twins, repeated computations with other last bits. Otherwise
+    they come from a wider arithmetic.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
@@ -184,11 +186,16 @@ def cycle_in_precision(
 def _by_twins(
     fixed_point: FixedPoint[C], precision: Precision, doubles: Sequence[dict[str, Any]]
 ) -> C | None:
-    """Return the cycle in double, or in an arithmetic a little wider, with half-widths from draws
-    in double.
+    """Return the limit cycle in double, or in an arithmetic a little wider, with half-widths from
+    the scatter of repeated computations in double.
 
     Returns None if the wider iteration does not settle, or stalls above the level that rounding
     explains.
+
+    Args:
+        fixed_point: The end of Newton's iteration in double.
+        precision: The arithmetic of the result.
+        doubles: The cycle's numbers in double, then the same with other last bits.
     """
     if precision == DOUBLE:
         numbers, doubt = doubles[0], dict[str, Fraction]()
@@ -204,7 +211,8 @@ def _by_twins(
 
 
 def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
-    """Return the name of the first main number with too few digits, or None.
+    """Return the name of the first main number of a cycle that has fewer than ``digits`` digits, or
+    None.
 
     A half-width times ``to_spare`` must lie within the digits wanted.
     """
@@ -216,7 +224,9 @@ def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
 
 
 def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
-    """Return the cycle of a fixed point, with these numbers and the name of their arithmetic."""
+    """Return a limit cycle object from its numbers, the fixed point and the arithmetic of the
+    numbers.
+    """
     return_map = fixed_point.return_map
     return cycle_of(
         return_map.section,
@@ -232,7 +242,7 @@ def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precisi
 def cycle_of(
     section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any
 ) -> C:
-    """Return the cycle with these numbers, and decide its stability.
+    """Return a limit cycle object from its numbers by name, and decide its stability.
 
     Args:
         section: The section of the kind of cycle.
@@ -254,7 +264,7 @@ def cycle_of(
 
 # -------------------------------------------------------------------------------------- the numbers
 def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
-    """Return all numbers of the cycle in one arithmetic, by name.
+    """Return all numbers of a limit cycle by name, solved again in one arithmetic.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
@@ -269,12 +279,12 @@ def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str,
 def numbers_at(
     return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, rounding: int | None = None
 ) -> dict[str, Any]:
-    """Return all numbers of the cycle through a fixed point, from the map's derivatives there.
+    """Return all numbers of the limit cycle through a fixed point of the return map, by name.
 
     Args:
         return_map: The map.
         point: The fixed point, both coordinates.
-        image: The image of the point.
+        image: The image of the point, with the map's derivatives.
         rounding: The pattern by which last bits are moved; None for no move.
     """
     flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
@@ -290,8 +300,9 @@ def numbers_at(
 
 
 def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
-    """Yield the numbers of the cycle in double, then those of its twins, each with other last
-    bits.
+    """Yield the numbers of a limit cycle in double, then again and again with other last bits.
+
+    The scatter of the repeated numbers shows the effect of rounding.
     """
     return_map, point = fixed_point.return_map, fixed_point.point
     first, second = return_map.section.names
@@ -319,11 +330,12 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
 def half_widths_by_twins(
     numbers: dict[str, Any], doubles: Sequence[dict[str, Any]], precision: Precision = DOUBLE
 ) -> dict[str, Measured]:
-    """Return numbers with half-widths from draws in double.
+    """Return a cycle's numbers with half-widths from the scatter of repeated computations in
+    double.
 
     Args:
         numbers: The numbers in double, or in an arithmetic a little wider.
-        doubles: As many draws of the numbers in double as the arithmetic needs.
+        doubles: The numbers from repeated computations in double, each with other last bits.
         precision: The arithmetic of the numbers.
     """
     share = TWIN_FACTOR * 2.0 ** (DOUBLE.bits - precision.bits)
@@ -339,8 +351,11 @@ def half_widths_by_twins(
 def half_widths_by_wider_run(
     rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
 ) -> dict[str, Measured]:
-    """Return the rough numbers, with half-widths from their distance to the sharp ones and the
-    sharp ones' own error.
+    """Return the numbers of a limit cycle with half-widths, by comparison with a run in wider
+    arithmetic.
+
+    A half-width comes from the distance of the rough number to the sharp one, and from the sharp
+    one's own error.
 
     The two runs show how far the other numbers move with the state.
 
@@ -370,7 +385,7 @@ def half_widths_by_wider_run(
 
 
 def logarithms_bounded(measured: dict[str, Measured]) -> None:
-    """Replace the logarithms of multipliers that are lost in rounding by bounds.
+    """Replace the logarithms of Floquet multipliers that are lost in rounding by bounds.
 
     The slow multiplier is at most the size that rounding leaves of it. The fast one is no larger.
     Their sum has its own half-width.
@@ -395,7 +410,7 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 def _sharpened(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
-    """Solve for the cycle in an arithmetic.
+    """Solve for a limit cycle again in an arithmetic, from its fixed point in another one.
 
     Returns its numbers by name, the errors of its point and period that the iteration leaves, and
     the fixed point in that arithmetic.
@@ -419,8 +434,8 @@ def _sharpened(
 def iterate_until_rounding(
     return_map: ReturnMap[C], fixed_point: FixedPoint[C]
 ) -> tuple[tuple[Any, Any], tuple[Fraction, Fraction]]:
-    """Iterate for the fixed point in the map's arithmetic, until a step is below rounding or no
-    longer shrinks.
+    """Iterate for a fixed point of the return map, in the map's arithmetic, until a step is below
+    rounding or no longer shrinks.
 
     Chord steps with the fixed point's own derivative come first: each takes a flight without
     variational equations. That derivative is too far off if a step is not half of the one before,
@@ -479,5 +494,5 @@ def iterate_until_rounding(
 
 
 def _length(vector: Sequence[Any]) -> Fraction:
-    """Return the sum of the coordinates' absolute values."""
+    """Return the sum of the absolute values of a vector's components."""
     return sum((fraction(abs(coordinate)) for coordinate in vector), Fraction(0))

@@ -46,9 +46,10 @@ _SETTLED = 1e-9  # a relative step after which only rounding is left
 
 
 class Solved(NamedTuple):
-    """Cycles of chosen first coordinates, as arrays (n,). They are NaN where the search failed.
+    """Limit cycles that were solved for at chosen first coordinates, as arrays (n,).
 
-    Slopes are derivatives with respect to the first coordinate.
+    They are NaN where the search failed. Slopes are derivatives with respect to the first
+    coordinate.
     """
 
     second: Array  #: the section's other coordinate [rad/s]
@@ -66,7 +67,9 @@ Solver = Callable[[Array, Array, Array, Array], Solved]
 
 @dataclass(frozen=True)
 class Place:
-    """A cycle of a family in double, from which to shoot for the cycle itself."""
+    """An approximate limit cycle of a family, in double: the start from which to shoot for the
+    cycle.
+    """
 
     #: Both coordinates; NaN next to Omega_h, where doubles do not have them
     start: tuple[float, float]
@@ -79,23 +82,27 @@ class Place:
 
     @classmethod
     def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
-        """Return a `Place` without coordinates (NaN), for a cycle that doubles cannot separate from
-        the connection.
+        """Return a `Place` for a cycle so close to the connection that doubles cannot separate
+        them.
+
+        It has no coordinates (NaN).
 
         Args:
             omega: The speed [rad/s].
-            piece: The piece that ends at the connection.
+            piece: The piece of the family that ends at the connection.
         """
         return cls((math.nan, math.nan), float(omega), piece, falls=True)
 
     @property
     def is_in_double(self) -> bool:
-        """True if doubles separate the cycle from the connection."""
+        """True if this approximate cycle has coordinates: doubles separate it from the
+        connection.
+        """
         return not math.isnan(self.start[0])
 
 
 class Family:
-    """The family of one disk under its friction law, in double, on panels of nodes.
+    """A family of limit cycles of one disk, interpolated in double on panels of nodes.
 
     Args:
         parameters: The disk and its friction law.
@@ -139,20 +146,28 @@ class Family:
         self._weights = (-1.0) ** numpy.arange(nodes) * numpy.sin(angles)
 
     def coordinate(self, s: Any) -> Any:
-        """Return the first coordinate [rad] at an abscissa."""
+        """Return the first coordinate [rad] of the family's cycle with the parameter
+        (abscissa) s.
+        """
         return self._middle + self._half * numpy.tanh(s)
 
     def coordinate_rate(self, s: Any) -> Any:
-        """Return the derivative of the first coordinate with respect to the abscissa [rad]."""
+        """Return the derivative of the cycles' first coordinate [rad] with respect to the family's
+        parameter (abscissa) s.
+        """
         return self._half / numpy.cosh(s) ** 2
 
     def abscissa(self, coordinate: Any) -> Any:
-        """Return the abscissa of a first coordinate [rad], the inverse of `coordinate`."""
+        """Return the parameter (abscissa) s of the family's cycle with a first coordinate [rad].
+
+        It is the inverse of `coordinate`.
+        """
         return numpy.arctanh((coordinate - self._middle) / self._half)
 
     # ----------------------------------------------------------------------------------- the panels
     def extend(self) -> None:
-        """Solve for the cycles on the nodes of one more panel, and add it.
+        """Follow the family further: solve for the cycles on the nodes of one more panel, and add
+        it.
 
         Raises:
             NoSuchCycleError: If the family is lost.
@@ -178,13 +193,14 @@ class Family:
             self.__dict__.pop(name, None)
 
     def _edge(self, index: int) -> float:
-        """Return the abscissa at which the panel of that number begins."""
+        """Return the abscissa at which the family's panel with the number ``index`` begins."""
         return (
             self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
         )
 
     def _between(self, rows: Array, target: float) -> Array:
-        """Return the rows with more cycles, on the way to an abscissa that was not reached.
+        """Return the solved cycles ``rows`` and more of them, on the way to an abscissa that was
+        not reached.
 
         The last of them is halfway there. Raises NoSuchCycleError if the family is lost.
         """
@@ -199,8 +215,8 @@ class Family:
         return numpy.concatenate((rows, group))
 
     def _solved(self, s: Array, rows: Array) -> Array:
-        """Solve for the cycles at abscissas (n,), and return them as rows (k, 7) like those of the
-        panels.
+        """Solve for the family's cycles at abscissas (n,), and return them as rows (k, 7) like
+        those of the panels.
 
         ``rows`` are cycles already solved, from which guesses are extrapolated. The result ends
         before the first abscissa that has no cycle of the family.
@@ -218,9 +234,10 @@ class Family:
         return new[: int(numpy.argmin(numpy.append(good, False)))]
 
     def _guess(self, s: Array, rows: Array) -> Any:
-        """Predict second coordinate / first, flight time and Omega, (3, n), at abscissas (n,).
+        """Predict the family's cycles at abscissas (n,): second coordinate / first, flight time and
+        Omega, (3, n).
 
-        Polynomials through the last rows give them.
+        Polynomials through the last of the solved cycles ``rows`` give them.
         """
         last = rows[-_GROUP_SIZE:]
         offset, size = last[:, 0] - s[0], last[-1, 0] - last[0, 0] + s[0] - last[-1, 0]
@@ -238,14 +255,16 @@ class Family:
     # ---------------------------------------------------------------------------------- its numbers
     @property
     def nodes(self) -> Array:
-        """The rows (n, 7) of all nodes: s, second coordinate / first, flight time, Omega, and the
-        derivatives of the last three with respect to s.
+        """The family's cycles at all nodes, as rows (n, 7).
+
+        A row has s, second coordinate / first, flight time, Omega, and the derivatives of the last
+        three with respect to s.
         """
         return self._panels.reshape(-1, 7)
 
     def at(self, s: Array) -> Any:
-        """Return second coordinate / first, flight time, Omega and dOmega/ds, (4, k), at abscissas
-        (k,).
+        """Interpolate the family at abscissas (k,): return second coordinate / first, flight time,
+        Omega and dOmega/ds, (4, k).
         """
         panels = numpy.searchsorted([self._edge(k) for k in range(1, len(self._panels))], s)
         offset = s[:, None] - self._panels[panels, :, 0]
@@ -261,7 +280,7 @@ class Family:
 
     @cached_property
     def folds(self) -> tuple[float, ...]:
-        """The abscissas at which Omega is extreme, in rising order."""
+        """The abscissas of the family's folds, at which Omega is extreme, in rising order."""
         s = numpy.linspace(self.nodes[0, 0], self.nodes[-1, 0], 4 * len(self.nodes))
         slopes = self.at(s)[3]
         turns = []
@@ -274,29 +293,34 @@ class Family:
         return tuple(turns)
 
     def to_fold(self, s: Array) -> Any:
-        """Return the distance of the first coordinate from a fold [rad] at abscissas (k,); infinite
-        without a fold.
+        """Return the distance of cycles from the family's nearest fold, in the first coordinate
+        [rad].
+
+        The cycles are given by abscissas (k,). The distance is infinite if there is no fold.
         """
         folds = numpy.array([*self.folds, numpy.inf])
         return numpy.abs(s[:, None] - folds).min(axis=1) * self.coordinate_rate(s)
 
     @property
     def breaks(self) -> tuple[float, ...]:
-        """The abscissas between which Omega is monotonic: both ends and the folds."""
+        """The abscissas of the family's ends and folds. Between two of them Omega is monotonic."""
         s = self.nodes[:, 0]
         return (float(s[0]), *self.folds, float(s[-1]))
 
     @property
     def falls(self) -> list[bool]:
-        """True for each piece on which Omega falls with s: there cycles are stable."""
+        """A list with True for each piece of the family on which Omega falls with s, otherwise
+        False.
+
+        Where Omega falls, cycles are stable.
+        """
         omega = self.at(numpy.array(self.breaks))[2]
         return [bool(end < begin) for begin, end in pairwise(omega)]
 
     @cached_property
     def _sampled(self) -> list[tuple[Array, Array]]:
-        """Samples of Omega in rising order, and of s, for each piece.
-
-        They start the inversion of Omega(s).
+        """Samples of the family from which Omega(s) is inverted: Omega in rising order, and s, for
+        each piece.
         """
         samples = []
         for low, high in pairwise(self.breaks):
@@ -309,7 +333,8 @@ class Family:
         return samples
 
     def abscissas(self, omegas: Array) -> Any:
-        """Return the abscissa of each speed on each piece.
+        """Return the abscissas s of the family's cycles at given speeds, one for each piece of the
+        family.
 
         Args:
             omegas: The speeds (n,) [rad/s].
@@ -338,15 +363,15 @@ class Family:
         return numpy.stack(rows)
 
     def places(self, omega: float) -> Iterator[Place]:
-        """Yield the family's cycles at a speed [rad/s] as `Place` objects, from the smallest first
-        coordinate on.
+        """Yield approximations (`Place`) of the family's cycles at a speed [rad/s], from the
+        smallest first coordinate on.
         """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.place(float(s), piece)
 
     def place(self, s: float, piece: int = 0) -> Place:
-        """Return the family's cycle at an abscissa of a piece, as a `Place`."""
+        """Return an approximation (`Place`) of the family's cycle at an abscissa on a piece."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
         return Place((first, ratio * first), omega, piece, self.falls[piece], flight)
@@ -363,7 +388,7 @@ def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
 
 
 def _uncontinued(new: Array, rows: Array) -> Any:
-    """Return a mask (n,) of the rows that do not continue the one before.
+    """Return a mask (n,) of the new rows that do not continue the family from the row before.
 
     In such a row at least two values do not change as the slopes predict. Over so short a way the
     trapezoidal rule is off by a few percent of the change on a family; on another orbit it is off
@@ -381,9 +406,10 @@ def _uncontinued(new: Array, rows: Array) -> Any:
 
 # -------------------------------------------------------------------------------------- the solvers
 def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
-    """Return a solver that runs Newton's iteration on all flights at once.
+    """Return a function that solves for many limit cycles of given first coordinates at once.
 
-    The second coordinate, the flight time and Omega are the unknowns.
+    It runs Newton's iteration on all flights together. The second coordinate, the flight time and
+    Omega are the unknowns.
 
     Args:
         section: The section.
@@ -413,9 +439,10 @@ def _in_batches(
 
 
 def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine) -> Solver:
-    """Return a solver that runs Newton's iteration on the return map for each first coordinate.
+    """Return a function that solves for limit cycles of given first coordinates, one after the
+    other.
 
-    The second coordinate and Omega are the unknowns.
+    It runs Newton's iteration on the return map. The second coordinate and Omega are the unknowns.
 
     Args:
         section: The section.

@@ -67,7 +67,10 @@ _GUARD_DIGITS = 12  # digits that two nearly parallel conditions and the flight 
 
 @dataclass(frozen=True, repr=False)
 class Fold(Printable):
-    """A fold. Each number's half-width holds the truth."""
+    """A fold of limit cycles: the extreme speed of a family, where two cycles merge.
+
+    Each number's half-width holds the truth.
+    """
 
     section: ClassVar[Section[Any]]  #: the section whose map has the fold's cycle as a fixed point
 
@@ -90,7 +93,10 @@ class Fold(Printable):
 
 @dataclass(frozen=True, repr=False)
 class LibrationFold(Fold):
-    """A fold of the cycles about inverted spinning; ``null_vector`` is d(v_0) / d(gamma_bar_0)."""
+    """A fold of the librating limit cycles, which go about inverted spinning.
+
+    ``null_vector`` is d(v_0) / d(gamma_bar_0).
+    """
 
     section = LIBRATING
     _first = ("omega", "period", *LIBRATING.names)
@@ -102,8 +108,9 @@ class LibrationFold(Fold):
 
 @dataclass(frozen=True, repr=False)
 class RotationFold(Fold):
-    """The fold of the rotating cycles, their lowest speed; ``null_vector`` is d(v_top) /
-    d(beta_bar_top).
+    """The fold of the rotating limit cycles, at their lowest speed.
+
+    ``null_vector`` is d(v_top) / d(beta_bar_top).
     """
 
     section = ROTATING
@@ -199,16 +206,18 @@ def libration_folds(
 
 
 def _parity_of_folds(parameters: Parameters, omega_h: float) -> int:
-    """Return 1 if the number of folds is odd, by exact signs, otherwise 0.
+    """Return 1 if the librating family must have an odd number of folds, otherwise 0.
 
-    It is odd if Omega falls at one end of the family and rises at the other.
+    The number is odd if Omega falls at one end of the family and rises at the other. Exact signs
+    decide.
     """
     born_below = criticality(parameters) == "supercritical"
     return int(born_below is not (saddle_value_sign(parameters, Fraction(omega_h)) < 0))
 
 
 def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
-    """Return the point of the section and the speed near which a small fold lies.
+    """Return an approximation of a fold of small librating cycles: both coordinates on the section
+    and the speed.
 
     The law of fourth order predicts them. Returns None if there is no small fold.
     """
@@ -222,7 +231,8 @@ def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
 
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:
-    """Return the numbers of the family's fold to some ten digits, by their names in `RotationFold`.
+    """Return the numbers of the rotating family's fold to some ten digits, by their names in
+    `RotationFold`.
 
     It compiles nothing that the cycles' family does not need.
 
@@ -248,7 +258,7 @@ def fold_to_digits(
     engine: Engine,
     digits: int,
 ) -> Any:
-    """Return the fold of that kind next to a point, to ``digits`` significant digits.
+    """Return the fold of limit cycles next to a point, to ``digits`` significant digits.
 
     Args:
         kind: The class of the fold.
@@ -277,10 +287,10 @@ def _fold_in(
     engine: Engine,
     precision: Precision,
 ) -> Any:
-    """Return the fold of that kind next to a point, in ``precision``, compared with the next wider
-    arithmetic.
+    """Compute the fold of a family next to a point in the arithmetic ``precision``, with
+    half-widths by comparison with the next wider one.
 
-    Raises AccuracyError if it is not found.
+    ``kind`` is the class of the fold. Raises AccuracyError if it is not found.
     """
     for arithmetic in (
         DOUBLE,
@@ -305,7 +315,7 @@ def _fold_in(
 
 
 def _conditions(image: Image) -> tuple[Any, Any, Any]:
-    """Return the map's residual and det(1 - P'), which are zero at the fold."""
+    """Return three numbers that are zero at a fold: the return map's residual and det(1 - P')."""
     (a, b), (c, d) = image.matrix
     return (*image.residual, (1 - a) * (1 - d) - b * c)
 
@@ -313,7 +323,8 @@ def _conditions(image: Image) -> tuple[Any, Any, Any]:
 def _fold_system(
     mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
 ) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
-    """Return the conditions of a fold and the matrix (3, 3) of their derivatives.
+    """Return the conditions of a fold, which are zero there, and the matrix (3, 3) of their
+    derivatives.
 
     ``mapped`` gives the image at both coordinates and Omega. The residual's derivatives come with
     the image. Those of the determinant are central differences, each over the unknown's entry of
@@ -342,7 +353,7 @@ def fold_near(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
-    """Solve for the fold next to a point.
+    """Solve for the fold of limit cycles next to a point, by Newton's iteration.
 
     Args:
         section: The section of the kind of cycle.
@@ -390,7 +401,9 @@ def _numbers(
     engine: Engine,
     precision: Precision,
 ) -> dict[str, Any]:
-    """Return all numbers of the fold in one arithmetic, by chord steps from doubles."""
+    """Compute all numbers of a fold in one arithmetic, by chord steps from its approximation in
+    doubles.
+    """
     inverse = [
         [precision.number(float(entry)) for entry in row] for row in numpy.linalg.inv(jacobian)
     ]

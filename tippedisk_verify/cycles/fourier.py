@@ -50,32 +50,40 @@ _MIN_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harm
 
 
 def _on_arrays(ctx: Any) -> SimpleNamespace:
-    """Return an mpmath context's functions, for arrays of its numbers."""
+    """Return the functions of an mpmath context in a form that takes arrays of the context's
+    numbers.
+    """
     return SimpleNamespace(
         **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTIONS}
     )
 
 
 class Kind(Enum):
-    """The kind of cycle; the value is the number of half periods that are sampled."""
+    """The kinds of limit cycle for collocation; the value is the number of half periods that are
+    sampled.
+    """
 
     LIBRATING = 1
     ROTATING = 2
 
     @property
     def turns(self) -> int:
-        """The growth of gamma in a period, in units of 2 pi."""
+        """The growth of gamma in a period of such a cycle, in units of 2 pi."""
         return self.value - 1
 
     def samples(self, count: float) -> int:
-        """Return the least admissible number of samples from ``count`` on: even for half a period,
-        odd for a whole one.
+        """Return the smallest number of collocation samples that is at least ``count`` and allowed
+        for this kind of cycle.
+
+        It is even for half a period, odd for a whole one.
         """
         return 2 * math.ceil(count / 2) + self.turns
 
 
 class Collocation:
-    """The collocation equations of a cycle at n samples, in double or in mpmath numbers.
+    """The collocation equations of a limit cycle at n samples, in double or in mpmath numbers.
+
+    Their unknown is a point (n + 2,): beta_bar at the samples, the frequency and Omega.
 
     Args:
         parameters: The disk, under an analytic friction law.
@@ -104,11 +112,13 @@ class Collocation:
 
     @property
     def double(self) -> Collocation:
-        """The same equations in double."""
+        """The same collocation equations in double."""
         return Collocation(self.parameters, self.kind, self.count)
 
     def number(self, value: Any) -> Any:
-        """Convert a rational, or the numbers of another arithmetic, to this one."""
+        """Convert a rational number, or an array of numbers of another arithmetic, to this
+        arithmetic.
+        """
         if isinstance(value, Fraction):
             return float(value) if self.ctx is None else quotient(self.ctx, value)
         return (
@@ -118,11 +128,13 @@ class Collocation:
         )
 
     def differentiated(self, samples: Any) -> Any:
-        """Return the derivative of a function with respect to the angle, at the samples."""
+        """Return the derivative of a periodic function with respect to the angle, at the samples,
+        from its values there.
+        """
         return self._applied(self.slope, samples)
 
     def _applied(self, rows: Any, samples: Any) -> Any:
-        """Return a matrix times samples of order one.
+        """Return the product of a matrix and a vector of samples, whose entries are of order one.
 
         Above double the product is in whole numbers, which are far faster than mpmath's.
         """
@@ -141,14 +153,18 @@ class Collocation:
         return (self._weights * samples).sum() / self._weights.sum()
 
     def motion(self, point: Any) -> tuple[Any, Any]:
-        """Return gamma_bar [rad] and v [rad/s] at the samples."""
+        """Return gamma_bar [rad] and v [rad/s] at the samples, from beta_bar there, the frequency
+        and Omega (the ``point``).
+        """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         swing = omega / frequency * self._applied(self.integral, self.sin(beta))
         return self._growth + swing, frequency * self.differentiated(beta)
 
     def residual(self, point: Any) -> Any:
-        """Return v' less the acceleration at the samples [rad/s^2], and the closing equation: (n +
-        1,).
+        """Return the residuals (n + 1,) of the collocation equations at a point; they are zero for
+        a limit cycle.
+
+        They are v' less the acceleration at the samples [rad/s^2], and the closing equation.
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
@@ -165,7 +181,8 @@ class Collocation:
         return by_beta, by_gamma, by_v
 
     def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
-        """Return the derivatives of gamma and v (n,) in a direction, at fixed Omega.
+        """Return the derivatives of gamma and v (n,) at the samples when a point moves in a
+        direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).
@@ -177,7 +194,8 @@ class Collocation:
         return omega / frequency * self._applied(self.integral, tilt), rate
 
     def along(self, point: Any, change: Any) -> Any:
-        """Return the residual's derivative (n + 1,) in a direction, at fixed Omega.
+        """Return the derivative (n + 1,) of the collocation equations' residual when a point moves
+        in a direction, at fixed Omega.
 
         Args:
             point: The point (n + 2,).
@@ -195,7 +213,9 @@ class Collocation:
         )
 
     def matrix(self, point: Any) -> Any:
-        """Return the residual's derivative with respect to the point, in double: (n + 1, n + 2)."""
+        """Return the derivative of the collocation equations' residual with respect to the point,
+        in double: (n + 1, n + 2).
+        """
         beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
         gamma, v = self.motion(point)
         by_beta, by_gamma, by_v = self.slopes(point)
@@ -219,8 +239,8 @@ class Collocation:
 
 @lru_cache(maxsize=64)
 def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]:
-    """Return the matrices of differentiation with respect to the angle, and of integration of
-    functions without mean.
+    """Return two matrices that act on samples of a periodic function: of differentiation with
+    respect to the angle, and of integration of functions without mean.
 
     The samples lie at j h, h = pi s / n, where s is the kind's number of half periods. Then
 
@@ -260,11 +280,12 @@ def _spectrum(kind: Kind, beta: Any) -> Any:
 
 
 def resampled(kind: Kind, point: Any, count: int) -> Any:
-    """Return a point in double with the same trigonometric polynomial at another number of samples.
+    """Interpolate a collocation point to another number of samples, by its trigonometric
+    polynomial.
 
     Args:
         kind: The kind of cycle.
-        point: The point (n + 2,).
+        point: The point (n + 2,) in double.
         count: The new number of samples.
     """
     old = len(point) - 2
@@ -290,7 +311,8 @@ def sizes(kind: Kind, beta: Any) -> Any:
 
 
 def samples_for(kind: Kind, point: Any, digits: int) -> int:
-    """Return the number of samples that the decay of the harmonics requires for the digits.
+    """Return the number of collocation samples that a cycle needs for the wanted digits, from the
+    decay of its harmonics.
 
     The decay is the mean factor between neighbours, over the later ones that stand above rounding.
 

@@ -65,7 +65,10 @@ _UNIT_ROUNDOFF = 2.0**-53  # the unit round-off of a double
 
 
 class FamilyInterpolant:
-    """The cycles of a family of the linear law, as far as it is followed.
+    """A family of limit cycles of the linear law, for computing cycles and half-widths at many
+    speeds.
+
+    It reaches as far as the family is followed.
 
     Args:
         family: The family.
@@ -144,9 +147,9 @@ class FamilyInterpolant:
         ]
 
     def _cycles(self, cycles: BatchCycles, widths: dict[str, Any]) -> Iterator[Any]:
-        """Yield each cycle as the object that a single speed gives, with these half-widths.
+        """Yield a limit cycle object for each cycle of a batch, as a single speed gives it.
 
-        ``widths`` are arrays (n,) by name; the trivial multiplier's is added.
+        ``widths`` are the half-widths, arrays (n,) by name; the trivial multiplier's is added.
         """
         widths["trivial_multiplier_defect"] = (
             2 * cycles["trivial_multiplier_defect"] + 2 * _UNIT_ROUNDOFF
@@ -170,7 +173,8 @@ class FamilyInterpolant:
             )
 
     def solved(self, speeds: Array, s: Array) -> BatchCycles:
-        """Return the cycles at these speeds, corrected by Newton's iteration.
+        """Solve for the limit cycles at given speeds, by Newton's iteration from the interpolated
+        family.
 
         Args:
             speeds: The speeds (n,) [rad/s].
@@ -187,7 +191,7 @@ class FamilyInterpolant:
 
     # ------------------------------------------------------------------------------ the half-widths
     def half_widths(self, cycles: BatchCycles) -> dict[str, Any]:
-        """Return the half-width that holds the truth for each number of n cycles on this family.
+        """Return half-widths that hold the true values, for each number of n cycles on this family.
 
         Args:
             cycles: The cycles.
@@ -220,10 +224,10 @@ class FamilyInterpolant:
 
     @cached_property
     def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
-        """Abscissas (k,) in rising order, the spread of each number there, and its change with the
-        start.
+        """The data from which half-widths are interpolated: abscissas (k,) in rising order, the
+        scatter of each number there, and its change with the start.
 
-        The spreads and changes are multiplied by the factors of `_pole`.
+        The scatter and changes are multiplied by the factors of `_pole`.
         """
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_ROUNDING_SPACING), 0)[::-1]
@@ -265,8 +269,10 @@ class FamilyInterpolant:
 
     @property
     def _to_the_end(self) -> Any:
-        """The distance [rad/s] of each node from the Hopf point, a fold or the connection,
-        whichever is nearest, as predicted by its slope.
+        """The distance [rad/s] of each of the family's nodes from the nearest end of its piece, as
+        predicted by its slope.
+
+        An end is the Hopf point, a fold or the connection.
         """
         slope = numpy.abs(self.family.nodes[:, 6])
         bend = numpy.abs(numpy.gradient(self.family.nodes[:, 6], self._s))

@@ -32,7 +32,7 @@ _MAX_PANELS = 10  # panels, after which the amplitude is within 1e-5 of pi
 
 
 class LibratingFamily(Family):
-    """The librating family of one disk under its friction law, in double.
+    """The family of librating limit cycles of one disk under its friction law, in double.
 
     Args:
         parameters: The disk and its friction law.
@@ -76,8 +76,8 @@ class LibratingFamily(Family):
 
     @property
     def _left(self) -> float:
-        """The distance of Omega from its limit at the last node [rad/s], from the rate at which its
-        slope falls.
+        """The distance [rad/s] of the speed at the family's last node from the speed's limit,
+        estimated from the slope's rate of decay.
 
         It is infinite if the slope does not fall as towards a connection. There Omega - Omega_h
         goes with the distance from the saddle to the power 1 + min(q, 1 / q), where q = |lambda_s|
@@ -89,14 +89,15 @@ class LibratingFamily(Family):
 
     @property
     def limit(self) -> float:
-        """The limit of Omega at the family's end [rad/s], to a fraction of the last node's distance
-        from it.
+        """The speed Omega [rad/s] that the family tends to at its end, an estimate.
+
+        Its error is a fraction of the last node's distance from it.
         """
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
     def newborn(self, distance: float) -> Place:
-        """Return the `Place` of a cycle nearer to the Hopf point than the first node, by a power
-        law.
+        """Return the approximate cycle (`Place`) at a distance from the Hopf point, nearer than the
+        first node.
 
         Next to the Hopf point the distance goes like a power of the amplitude: the second, or the
         fourth at a degenerate Hopf point. The first node has that power and its factor.
@@ -110,8 +111,8 @@ class LibratingFamily(Family):
 
     @cached_property
     def connected(self) -> bool:
-        """True if the family is followed to the connection: v_0 falls as the distance from pi
-        does.
+        """True if the family is followed to the heteroclinic connection: v_0 falls as the distance
+        of gamma_bar_0 from pi does.
         """
         s, ratio = self.nodes[[-3, -1], :2].T
         return bool(math.log(ratio[0] / ratio[1]) > s[1] - s[0])  # the distance falls twice as fast

@@ -43,7 +43,7 @@ _MAX_POINTS = 10_000_000  # the largest number of points of an orbit
 
 @dataclass(frozen=True, repr=False)
 class Cycle(Printable):
-    """A limit cycle. Each number's half-width holds the truth.
+    """The base class of limit cycles. Each number's half-width holds the truth.
 
     A subclass names the point of the cycle at which its coordinates are taken.
     """
@@ -90,8 +90,8 @@ class Cycle(Printable):
 
     @property
     def multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """The Floquet multipliers [1]: 1 along the flow, the slow and the fast one; for a complex
-        pair the modulus.
+        """The Floquet multipliers [1] of the cycle: 1 along the flow, the slow and the fast one;
+        for a complex pair the modulus.
         """
         return (
             Measured(Fraction(1), Fraction(0)),
@@ -101,7 +101,9 @@ class Cycle(Printable):
 
     @property
     def _start(self) -> list[Measured]:
-        """The shifted state (beta_bar, gamma_bar, v) at which `orbit` starts."""
+        """The shifted state (beta_bar, gamma_bar, v) of the cycle at time 0, at which `orbit`
+        starts.
+        """
         start: list[Measured] = [getattr(self, name) for name in self.coordinates]
         start.insert(self.fixed, Measured(Fraction(0), Fraction(0)))
         return start
@@ -146,7 +148,8 @@ class Cycle(Printable):
     def orbit(
         self, count: int = 400, *, shifted: bool = False, engine: Engine | None = None
     ) -> tuple[Any, Any]:
-        """Return times over one period, both ends included, and the states there, in double.
+        """Return times over one period, both ends included, and the cycle's states there, in
+        double.
 
         Next to Omega_h the flight is in as many bits as its start needs.
 
@@ -173,7 +176,7 @@ class Cycle(Printable):
         return times, states
 
     def __call__(self, t: Any) -> Any:
-        """Return the state (3,) at a time, or the states (3, n) at times (n,), in double.
+        """Return the cycle's state (3,) at a time, or its states (3, n) at times (n,), in double.
 
         Time counts from the start of `orbit`, and goes on periodically to both sides. On a rotating
         cycle gamma grows by 2 pi in each period.
@@ -200,7 +203,7 @@ class Cycle(Printable):
         return states if times.ndim else states[:, 0]
 
     def _states(self, times: Any, engine: Engine) -> Any:
-        """Return the shifted states (3, n) at times within the period.
+        """Return the cycle's shifted states (3, n) at times within the period.
 
         The second half of a symmetric cycle is the image of the first.
         """
@@ -214,8 +217,8 @@ class Cycle(Printable):
         return states
 
     def _flown(self, duration: Fraction, engine: Engine) -> Any:
-        """Return the continuous output of a flight from the start, in the arithmetic that its start
-        needs.
+        """Return the continuous output of a flight from the cycle's start, in an arithmetic with
+        enough bits for the start.
         """
         needed = max(0, math.ceil(-math.log2(abs(self.v_0.value)))) if self.v_0.value else 0
         request = Request(
@@ -254,7 +257,7 @@ class Cycle(Printable):
         return write_saved(path, type(self).__name__, self.parameters, entries)
 
     def plot(self, axes: Any = None) -> Any:
-        """Plot the orbit in the (gamma_bar, beta_bar) plane.
+        """Plot the cycle's orbit in the (gamma_bar, beta_bar) plane.
 
         Args:
             axes: The matplotlib axes; None for new ones.
@@ -321,14 +324,14 @@ class RotatingCycle(Cycle):
 
 @dataclass(frozen=True, repr=False)
 class MissingCycle(Printable):
-    """A placeholder for a speed of a list at which no limit cycle was found."""
+    """A placeholder in a list of limit cycles, for a speed at which none was found."""
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
     fault: Exception  #: the error that was raised there
 
     @property
     def status(self) -> str:
-        """The reason why there is no cycle."""
+        """The reason why no limit cycle was found at this speed."""
         return str(self.fault)
 
     def to_dict(self) -> dict[str, Any]:

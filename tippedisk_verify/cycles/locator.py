@@ -53,8 +53,9 @@ _MAX_DISKS = 16  # disks in the cache
 
 @dataclass(frozen=True)
 class Location(Generic[C]):
-    """The cycles of one kind at one speed: the starts for shooting, or the reason why there are no
-    cycles.
+    """The limit cycles of one kind that a search has located at one speed.
+
+    It has the starts for shooting, or the reason why there are no cycles.
     """
 
     section: Section[C]
@@ -67,7 +68,7 @@ class Location(Generic[C]):
     omega_h: Fraction | None = None
 
     def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
-        """Return all cycles, to ``digits`` digits.
+        """Compute all limit cycles at this speed, to ``digits`` digits.
 
         Args:
             digits: The significant digits wanted.
@@ -83,7 +84,7 @@ class Location(Generic[C]):
         return [self.cycle(start, digits, half_widths=half_widths) for start in self.starts]
 
     def cycle(self, start: Place, digits: int = 12, *, half_widths: bool = True) -> C:
-        """Return the cycle of one start, to ``digits`` digits.
+        """Compute the limit cycle to which one of the starts leads, to ``digits`` digits.
 
         Args:
             start: One of the starts.
@@ -133,7 +134,9 @@ class Location(Generic[C]):
 
 
 class Locator:
-    """The families of one disk under its friction law, and Omega_h.
+    """The families of limit cycles of one disk under its friction law, and Omega_h.
+
+    It locates the cycles at any speed. Families and Omega_h are computed on first use.
 
     Args:
         parameters: The disk and its friction law.
@@ -145,7 +148,7 @@ class Locator:
 
     @cached_property
     def omega_h(self) -> Fraction:
-        """Omega_h in double [rad/s].
+        """Omega_h of the disk in double [rad/s].
 
         Raises:
             NoConnectionError: If there is no connection.
@@ -154,7 +157,8 @@ class Locator:
 
     @cached_property
     def attracts(self) -> bool:
-        """True if the connection attracts, so that librating cycles begin above Omega_h.
+        """True if the heteroclinic connection attracts, so that librating cycles begin above
+        Omega_h.
 
         Raises:
             NoConnectionError: If there is no connection.
@@ -172,7 +176,9 @@ class Locator:
 
     @cached_property
     def lost(self) -> str:
-        """The reason why the librating cycles cannot be followed; "" if they can."""
+        """The reason why the disk's librating cycles cannot be followed as a family; "" if they
+        can.
+        """
         try:
             self.family  # noqa: B018
         except NoSuchCycleError as fault:
@@ -190,7 +196,7 @@ class Locator:
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
     def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
-        """Locate the cycles about inverted spinning at a speed.
+        """Locate the librating limit cycles, about inverted spinning, at a speed.
 
         Args:
             omega: The speed [rad/s].
@@ -252,12 +258,12 @@ class Locator:
         return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
     def _next_to_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
-        """Return a location corrected next to Omega_h, where doubles do not show the speed's side
-        of it.
+        """Return the ``location`` of the cycles at a speed so close to Omega_h that doubles do not
+        show on which side the speed is, corrected for the true side.
 
-        ``piece`` is the number of the piece that ends at Omega_h. Its cycles lie ``above`` Omega_h,
-        or below. If the speed is on their side, the piece gets a start without a guess. Otherwise
-        it gets none.
+        ``piece`` is the number of the family's piece that ends at Omega_h. Its cycles lie ``above``
+        Omega_h, or below. If the speed is on their side, the piece gets a start without a guess.
+        Otherwise it gets none.
 
         Raises AccuracyError if Omega_h has too few digits.
         """
@@ -281,7 +287,8 @@ class Locator:
 
 
 def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
-    """Return the start for a cycle between the Hopf point and the family's first node, in a list.
+    """Return a start for the limit cycle between the Hopf point and the family's first node, in a
+    list.
 
     The list is empty if no cycle lies there. ``below_crit`` is Omega_crit less the speed [rad/s].
 
@@ -341,7 +348,7 @@ def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -
 
 
 class _ThreadLocators(threading.local):
-    """The locators of a thread: engines belong to one thread."""
+    """The `Locator` objects that each thread keeps, because engines belong to one thread."""
 
     def __init__(self) -> None:
         self.locators: dict[tuple[type, Parameters, str], Locator] = {}
@@ -351,7 +358,8 @@ _LOCATORS = _ThreadLocators()
 
 
 def locator_of(parameters: Parameters, engine: Engine) -> Locator:
-    """Return the disk's locator, the same one for the same disk, law and engine name.
+    """Return the `Locator` of a disk, the same object for the same disk, friction law and engine
+    name.
 
     Args:
         parameters: The disk and its friction law.

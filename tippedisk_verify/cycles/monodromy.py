@@ -37,13 +37,12 @@ _BY_MOVED_FLIGHTS = 0.5
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Monodromy(Printable):
-    """d(state at ``time`` + T)/d(state at ``time``) along a limit cycle, both (beta, gamma, v)
-    [rad, rad, rad/s].
+    """The monodromy matrix of a limit cycle: d(state at ``time`` + T)/d(state at ``time``).
 
-    ``matrix`` (3, 3) has the half-widths ``uncertainty`` (3, 3). `numpy.asarray` converts it to
-    doubles. Its eigenvalues are the Floquet multipliers, the same at every point. Multipliers below
-    its half-widths cannot be seen in it. ``log_multipliers`` are the natural logarithms of their
-    absolute values.
+    Both states are (beta, gamma, v) [rad, rad, rad/s]. ``matrix`` (3, 3) has the half-widths
+    ``uncertainty`` (3, 3). `numpy.asarray` converts it to doubles. Its eigenvalues are the Floquet
+    multipliers, the same at every point. Multipliers below its half-widths cannot be seen in it.
+    ``log_multipliers`` are the natural logarithms of their absolute values.
 
     >>> import tippedisk_verify as tv
     >>> monodromy = tv.Disk("printed").limit_cycle("30.4").monodromy
@@ -57,7 +56,7 @@ class Monodromy(Printable):
     uncertainty: Any
 
     def __call__(self, time: object) -> Monodromy:
-        """Return the matrix at another time of the cycle.
+        """Return the monodromy matrix at another time of the cycle.
 
         Args:
             time: The time [s], within a period.
@@ -68,7 +67,9 @@ class Monodromy(Printable):
         return monodromy_of(self.cycle, time)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the time, the matrix with half-widths and the logarithms as data for JSON."""
+        """Return the monodromy matrix as data for JSON: its time, its entries with half-widths and
+        the multipliers' logarithms.
+        """
         return {
             "time": as_json(self.time),
             "matrix": with_widths(self.matrix, self.uncertainty),
@@ -83,7 +84,9 @@ class Monodromy(Printable):
 
     @property
     def log_multipliers(self) -> tuple[Measured, Measured, Measured]:
-        """The logarithms [1]: along the flow (0), of the slow and of the fast multiplier."""
+        """The logarithms [1] of the Floquet multipliers: along the flow (0), of the slow and of the
+        fast one.
+        """
         return (
             Measured(Fraction(0), Fraction(0)),
             self.cycle.log_multiplier_slow,
@@ -154,7 +157,7 @@ class FloquetVectors(Printable):
         )
 
     def __call__(self, time: object) -> FloquetVectors:
-        """Return the vectors at another time of the cycle.
+        """Return the Floquet vectors at another time of the cycle.
 
         Args:
             time: The time [s], within a period.
@@ -170,10 +173,11 @@ class FloquetVectors(Printable):
 
 
 def _eigenvector(rows: list[list[Measured]], multiplier: Measured) -> Vector:
-    """Return an eigenvector of length 1 of a matrix (3, 3), of either sign.
+    """Return an eigenvector of length 1 of a matrix (3, 3) to a given eigenvalue, with half-widths.
 
-    It is perpendicular to all rows of the matrix less the multiplier. The two rows whose product is
-    the largest determine it best. Raises AccuracyError if the matrix has too few digits.
+    Its sign is left open. It is perpendicular to all rows of the matrix less the multiplier. The
+    two rows whose product is the largest determine it best. Raises AccuracyError if the matrix has
+    too few digits.
     """
     rows = [
         [entry - multiplier if n == k else entry for k, entry in enumerate(row)]
@@ -194,7 +198,8 @@ def _eigenvector(rows: list[list[Measured]], multiplier: Measured) -> Vector:
 
 
 def _signed(vector: Vector, number: Measured) -> Vector:
-    """Return the vector, or its negative if the number is negative.
+    """Return a vector unchanged if a number is positive, and its negative if the number is
+    negative.
 
     Raises AccuracyError if the number's sign is not certain.
     """

@@ -72,7 +72,9 @@ class Stop:
 
 @dataclass(frozen=True)
 class FixedPoint(Generic[C]):
-    """The result of an iteration for a fixed point of a return map."""
+    """The fixed point of a return map that an iteration has found, with its image and the
+    residuals.
+    """
 
     return_map: ReturnMap[C]
     point: tuple[Any, Any]  #: the coordinates on the section
@@ -82,13 +84,13 @@ class FixedPoint(Generic[C]):
 
 @dataclass(frozen=True)
 class Iterate(FixedPoint[C]):
-    """A point of the iteration with the step that leads to the next one."""
+    """A point of a Newton iteration, with its image and the step that leads to the next point."""
 
     step: tuple[Any, Any, Any] = (0, 0, 0)  #: the step of both coordinates and Omega
 
     @property
     def ahead(self) -> tuple[Any, Any, Any]:
-        """Both coordinates and Omega after the step."""
+        """Both coordinates and Omega after this Newton step."""
         omega = self.return_map.precision.number(self.return_map.omega)
         return self.point[0] + self.step[0], self.point[1] + self.step[1], omega + self.step[2]
 
@@ -104,11 +106,12 @@ def newton(
     chord: Image | None = None,
     damped: bool = False,
 ) -> Iterate[C]:
-    """Iterate from a point of the section until the stopping rule is met.
+    """Iterate for a fixed point of a return map by Newton or chord steps, until a stopping rule is
+    met.
 
     Args:
         return_map: The map. If the speed is not held, the map's speed is the first guess.
-        point: Both coordinates, in the map's arithmetic.
+        point: Both coordinates of the start on the section, in the map's arithmetic.
         stop: The stopping rule.
         size: Returns the size that the stopping rule looks at.
         held: The quantity held at its value at the start; the flight time is held at ``time``.
@@ -156,7 +159,7 @@ def newton(
 def _damped(
     iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float
 ) -> Iterate[C]:
-    """Return the first point along the step whose residual is smaller, or is rounding.
+    """Return the first point along a Newton step whose residual is smaller, or is rounding.
 
     The step is halved again and again. Raises NoSuchCycleError if no such point is found, or the
     iteration falls onto the equilibrium.
@@ -186,8 +189,8 @@ def _damped(
 
 
 def section_size(vector: Sequence[Any]) -> float:
-    """Return the size of a residual or a point [rad].
+    """Return the size of a point on the section, or of a residual there [rad].
 
-    A cycle's second coordinate [rad/s] is some ten times the first [rad].
+    A cycle's second coordinate [rad/s] is some ten times the first [rad], so it counts a tenth.
     """
     return abs(float(vector[0])) + abs(float(vector[1])) / 10

@@ -40,7 +40,7 @@ def heteroclinic(
     method: str = "manifolds",
     half_widths: bool = True,
 ) -> Heteroclinic:
-    """Return the connection with Omega_h to ``digits`` significant digits.
+    """Return the heteroclinic connection, with its speed Omega_h to ``digits`` significant digits.
 
     Args:
         parameters: The disk and its friction law.

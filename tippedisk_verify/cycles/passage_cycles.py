@@ -91,7 +91,8 @@ def cycle_by_passages(
     *,
     from_omega_h: bool = False,
 ) -> C | None:
-    """Return the cycle of the section's kind next to Omega_h, to ``digits`` significant digits.
+    """Compute the limit cycle next to Omega_h from linear passages of the saddles, to ``digits``
+    significant digits.
 
     Args:
         section: Librating cycles lie above Omega_h, stable rotating ones below.
@@ -156,9 +157,15 @@ def cycle_by_passages(
 def _omega_h(
     parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool
 ) -> Measured:
-    """Return Omega_h [rad/s] to the digits that the distance needs.
+    """Compute Omega_h [rad/s] to the digits that a cycle at a given place next to it needs.
 
     Raises AccuracyError if that takes more than `MAX_DIGITS` digits.
+
+    Args:
+        parameters: The disk and its friction law.
+        place: The cycle's speed, or its distance from Omega_h [rad/s].
+        engine: The engine of the flights.
+        from_omega_h: True if the place is a distance.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
@@ -177,7 +184,8 @@ def _omega_h(
 
 
 def _digits_for(distance: Fraction) -> int:
-    """Return the number of digits to which Omega_h is computed for a distance from it [rad/s].
+    """Return the number of digits to which Omega_h must be computed for a cycle at a distance from
+    it [rad/s].
 
     It is rounded up to a grid, so that most distances share Omega_h. The request omits
     `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
@@ -186,7 +194,9 @@ def _digits_for(distance: Fraction) -> int:
 
 
 def shared_digits(wanted: int) -> int:
-    """Return the digits of Omega_h that serve many distances, and no fewer than wanted."""
+    """Round a number of digits of Omega_h up to a coarse grid, so that many distances share one
+    computation.
+    """
     return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - FIRST_DIGITS) / _MORE_DIGITS))
 
 
@@ -212,8 +222,9 @@ def _measured(
 
 
 class PeriodLaw(NamedTuple):
-    """T = slope log(D) + constant + coefficient D^exponent + ..., of librating cycles a distance D
-    above Omega_h.
+    """The asymptotic law of the librating cycles' period at a distance D above Omega_h.
+
+    It is T = slope log(D) + constant + coefficient D^exponent + ...
     """
 
     slope: Measured  #: -2 / lambda_u [s]
@@ -223,7 +234,8 @@ class PeriodLaw(NamedTuple):
     exponent: Measured
 
     def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
-        """Return three values of T [s]: by one, two and three terms of the law.
+        """Return the period T [s] that the law gives at a distance from Omega_h: by one, two and
+        three of its terms.
 
         Args:
             distance: The distance above Omega_h [rad/s].
@@ -239,7 +251,8 @@ class PeriodLaw(NamedTuple):
 
 @undisturbed
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
-    """Return the law of the librating cycles' period above Omega_h, from the maps.
+    """Return the asymptotic law of the librating cycles' period above Omega_h, from the maps
+    between the saddles.
 
     The maps give sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives. With u
     = a D + b sigma the third term is the first power of sigma in -log(u).
@@ -279,7 +292,7 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
 
 
 def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
-    """Return True if the passages can be computed.
+    """Return True if cycles next to Omega_h can be computed from linear passages of the saddles.
 
     The machine and the engine must compute in 64 bits, and the saddle value must be negative.
     """
@@ -327,7 +340,8 @@ def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
 def _numbers(
     section: Section[Any], flights: GlobalMap, distance: Fraction
 ) -> tuple[dict[str, Any], list[float]]:
-    """Return the numbers of a cycle by name, and the relative sizes of the iteration's steps.
+    """Return the numbers of the limit cycle at a distance from Omega_h, by name, and the relative
+    sizes of the iteration's steps.
 
     pi is subtracted from ``gamma_bar_0``, so that it keeps its digits. The speed has an imaginary
     part far below rounding. The imaginary parts of the numbers are derivatives with respect to the

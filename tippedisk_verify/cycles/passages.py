@@ -68,7 +68,7 @@ _charts = lru_cache(maxsize=16)(ChartFamily)
 
 
 class Choice(NamedTuple):
-    """The parameters with which a global map is computed."""
+    """The settings with which the map between the saddles (`GlobalMap`) is computed."""
 
     order: int  #: the order of the charts
     bands: int  #: the bands of the charts
@@ -84,7 +84,9 @@ class Choice(NamedTuple):
 
 
 class ChartFlight(NamedTuple):
-    """A part of a passage that lies in one chart."""
+    """A part of an orbit next to a saddle that lies in one chart, in whose coordinates the flow is
+    linear.
+    """
 
     chart: SaddleChart
     start: Any  #: (3,) the point (u, s, f)
@@ -97,7 +99,7 @@ class ChartFlight(NamedTuple):
 
 
 class LinearPassage(NamedTuple):
-    """A passage from one saddle's exit to the next one's."""
+    """An orbit's flight to a saddle and its passage of this saddle, up to the exit."""
 
     sigma: Any  #: the exit, in the coordinates of the start
     time: Any  #: the time of the passage alone [s]
@@ -107,8 +109,9 @@ class LinearPassage(NamedTuple):
 
 
 class GlobalMap:
-    """The flights from one saddle to the next, as polynomials in sigma and in the distance from
-    Omega_h.
+    """The flights from next to one saddle to next to the other, as polynomials.
+
+    Their variables are the start's coordinate sigma and the distance from Omega_h.
 
     Args:
         parameters: The disk and its friction law.
@@ -147,17 +150,17 @@ class GlobalMap:
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
     def at(self, distance: Any) -> Any:
-        """Return the coefficients (5, 7) of the polynomials in sigma at a distance from Omega_h
-        [rad/s].
+        """Return the polynomials in sigma that map a start next to one saddle to the arrival next
+        to the other, at a distance from Omega_h [rad/s].
 
-        There is a row for each power of sigma, and a column for each number of
+        The coefficients (5, 7) have a row for each power of sigma, and a column for each number of
         `LinearPassage.arrival`.
         """
         return polynomial(self._polynomials, distance)
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
-        """The first-order coefficients of the map from one saddle to the next, at Omega_h and
+        """The first-order coefficients of this map from one saddle to the next, at Omega_h and
         sigma = 0.
 
         An orbit leaves at u = u_1 and s = sigma. It arrives at (u, s) in the chart of the next
@@ -172,11 +175,17 @@ class GlobalMap:
         return Request(self.parameters, omega, state, shifted=True, domain="none", **needs)
 
     def _duration(self, chart: SaddleChart, end: float) -> Fraction:
-        """Return the time [s] until the flight on the unstable manifold is next to the other
-        saddle.
+        """Return the fixed duration [s] of the flights from next to one saddle to next to the
+        other.
 
-        It is rounded to a hundredth of a second. Raises AccuracyError if the flight never comes
-        near that saddle.
+        The flight on the unstable manifold at Omega_h then has come within ``end`` of the other
+        saddle. Its fast coordinate there has had time to decay to `_MAX_FAST`. The duration is
+        rounded up to a hundredth of a second. Raises AccuracyError if the flight never comes near
+        that saddle.
+
+        Args:
+            chart: The chart of the first saddle, for the start.
+            end: The distance from the other saddle.
         """
         times = numpy.arange(0, _MAX_FLIGHT, 0.01)
         request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
@@ -197,7 +206,8 @@ class GlobalMap:
         return Fraction(first + math.ceil(100 * longer), 100)
 
     def _arrival(self, distance: Fraction, sigma: float) -> list[Any]:
-        """Fly from one saddle to the other, and return the numbers of `LinearPassage.arrival`.
+        """Fly from next to one saddle to next to the other, and return the seven numbers of the
+        arrival (`LinearPassage.arrival`).
 
         The flight starts at s = ``sigma``, at a speed ``distance`` from Omega_h [rad/s]. Raises
         AccuracyError if it fails.
@@ -223,7 +233,8 @@ class GlobalMap:
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
     def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:
-        """Fit the polynomials to flights, and return their coefficients (speeds, 5, 7).
+        """Fit polynomials to flights between the saddles, and return their coefficients (speeds, 5,
+        7).
 
         The axes are powers of the distance, powers of sigma, and the numbers of
         `LinearPassage.arrival`. Flights on the unstable manifold are at these ``distances`` of the
@@ -252,7 +263,9 @@ class GlobalMap:
 
 
 class HalfMap:
-    """The map from sigma at one saddle to sigma at the next, at one distance from Omega_h.
+    """The map from the coordinate sigma of an orbit at one saddle's exit to that at the next one's.
+
+    It belongs to one distance from Omega_h. Its fixed point is a limit cycle.
 
     Args:
         flights: The global map.
@@ -271,7 +284,7 @@ class HalfMap:
         self._omega = EXTENDED.number(flights._omega_h) + distance
 
     def __call__(self, sigma: Any) -> LinearPassage:
-        """Return the passage that starts at sigma.
+        """Return the orbit that leaves one saddle at sigma, up to its exit from the next saddle.
 
         Raises:
             ArithmeticError: If the orbit leaves the saddle on the other side, or the fast
@@ -301,7 +314,7 @@ class HalfMap:
         return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
 
     def fixed_point(self) -> tuple[Any, Any, list[float]]:
-        """Solve for the fixed point of the map. The distance must be real.
+        """Solve for the map's fixed point, the limit cycle. The distance must be real.
 
         Returns:
             sigma, the map's derivative there, and the relative sizes of Newton's steps.
@@ -324,9 +337,10 @@ class HalfMap:
         raise ArithmeticError("the iteration for sigma does not settle")
 
     def along_the_flow(self, piece: ChartFlight) -> Any:
-        """Return the multiplier along the flow over a piece, divided by the ratio of speeds.
+        """Return the multiplier along the flow over a piece of an orbit, divided by the ratio of
+        speeds.
 
-        Its true value is 1.
+        Its true value is 1, so the difference shows the error.
 
         Args:
             piece: A piece of a passage.
@@ -347,11 +361,12 @@ class HalfMap:
 def to_section(
     pieces: Sequence[ChartFlight], component: int
 ) -> tuple[ChartFlight, Sequence[ChartFlight]]:
-    """Split a passage where a component of y vanishes.
+    """Split an orbit's passage of a saddle in two, where a component of its offset y from the
+    saddle vanishes.
 
     Args:
         pieces: The passage.
-        component: The component of y.
+        component: The index of the component of y.
 
     Returns:
         The part up to the section, and the rest of the passage. The part begins where the piece
@@ -370,14 +385,14 @@ def to_section(
 
 
 def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sigma: Any) -> Any:
-    """Return the derivative (3, 3) of half a librating cycle in y: the flow, then the point
-    symmetry.
+    """Return the derivative (3, 3) of half a period of a librating cycle: of the flow, then the
+    point symmetry.
 
-    It is taken where the rest of a passage begins. There a basis consists of F along the flow, w in
-    the chart's direction of s, and the fast direction L. L contracts most in all that follows, so
-    it is that of the last chart, carried back. The image of L is far below rounding. At the exit w
-    = kappa x_sigma + rho F. The cycle's half maps x_sigma to multiplier * x_sigma - time_by_sigma *
-    F.
+    It is in the offset y from the saddle, and taken where the rest of a passage begins. There a
+    basis consists of F along the flow, w in the chart's direction of s, and the fast direction L. L
+    contracts most in all that follows, so it is that of the last chart, carried back. The image of
+    L is far below rounding. At the exit w = kappa x_sigma + rho F. The cycle's half maps x_sigma to
+    multiplier * x_sigma - time_by_sigma * F.
 
     Args:
         rest: The rest of the passage.
@@ -406,9 +421,9 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
 def _until(
     chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any
 ) -> ChartFlight:
-    """Return the flight in a chart from a point to the zero of a function of y.
+    """Return the flight in a saddle's chart from a point to the zero of a function of the offset y.
 
-    The gradient is the function's at the saddle. It gives the zero of the linear part at once.
+    ``gradient`` is the function's at the saddle. It gives the zero of the linear part at once.
     Chord steps then correct the time, and each gains a factor of the distance from the saddle.
 
     Raises ArithmeticError if the orbit does not meet a zero on its way from the stable to the
@@ -430,7 +445,7 @@ def _until(
 
 
 def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
-    """Return the integral of the divergence over a passage [1].
+    """Return the integral of the field's divergence over an orbit's passage of a saddle [1].
 
     It is the logarithm of the determinant of the flow's derivative, and follows from the charts'
     determinants.

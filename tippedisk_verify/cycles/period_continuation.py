@@ -57,7 +57,7 @@ _MAX_CYCLES = 60
 
 @dataclass(frozen=True)
 class PeriodPoint:
-    """A limit cycle of a fixed period, in the arithmetic it was solved in."""
+    """A limit cycle that was solved for at a fixed period, in one arithmetic."""
 
     half_period: Any  #: T / 2 [s]
     gamma_bar_0: Any  #: [rad]
@@ -74,7 +74,9 @@ def cycle_at_half_period(
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> PeriodPoint:
-    """Solve for (gamma_bar_0, v_0, Omega) at a half period, by Newton's iteration.
+    """Solve for the librating limit cycle with a given half period, by Newton's iteration.
+
+    The unknowns are (gamma_bar_0, v_0, Omega).
 
     Args:
         parameters: The disk and its friction law.
@@ -90,7 +92,7 @@ def cycle_at_half_period(
     duration = precision.number(half_period)
 
     def size(iterate: Iterate[LimitCycle]) -> float:
-        """Return the largest part of a step, relative to its scale.
+        """Return the size of a Newton step: the largest of its parts, each relative to its scale.
 
         The state's scale is its distance from the saddle. The speed's is its derivative with
         respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
@@ -123,7 +125,7 @@ def cycle_at_half_period(
 def lengthened(
     parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float
 ) -> Iterator[PeriodPoint]:
-    """Yield cycles of longer and longer period, in double.
+    """Yield librating limit cycles of longer and longer period, in double.
 
     The step in the half period adapts: it grows by half after a quick solution and is halved after
     a failed one.
@@ -160,8 +162,8 @@ def lengthened(
 
 
 def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) -> tuple[Any, Any]:
-    """Return (gamma_bar_0, v_0) at another half period, along the tangent in logarithms of
-    distances from the saddle.
+    """Predict (gamma_bar_0, v_0) of the limit cycle with another half period, along the tangent in
+    logarithms of distances from the saddle.
 
     Args:
         point: The cycle to start from.
@@ -176,7 +178,8 @@ def predicted_state(point: PeriodPoint, half_period: Any, precision: Precision) 
 
 
 def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float) -> Any:
-    """Predict Omega [rad/s] at another half period, from a cycle and the one before.
+    """Predict the speed Omega [rad/s] of the limit cycle with another half period, from a cycle and
+    the one before.
 
     The distance from the limit is extrapolated as an exponential, at the rate at which the slopes
     fall. If they do not fall, the tangent is followed.
@@ -191,7 +194,8 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float
 
 # ---------------------------------------------------------------------------------------- the limit
 class PeriodAsymptotics:
-    """The three-term law of Omega(T) through two cycles.
+    """The asymptotic law of the speed Omega(T) of librating cycles, with three terms that are
+    fitted to two cycles.
 
     Args:
         parameters: The disk and its friction law.
@@ -224,7 +228,8 @@ class PeriodAsymptotics:
         self.omega_h = fraction(mpf(second.omega) - self._c - self._b)
 
     def half_period(self, above: Fraction) -> Fraction:
-        """Return T / 2 [s] of the cycle at a distance from Omega_h.
+        """Return half the period T / 2 [s] of the cycle at a distance from Omega_h, by the
+        asymptotic law.
 
         Args:
             above: Omega - Omega_h [rad/s]; negative below Omega_h.
@@ -248,7 +253,7 @@ class PeriodAsymptotics:
 
 
 class PeriodContinuation:
-    """The family followed towards Omega_h, cycle by cycle, with the present estimate of its limit.
+    """The librating family followed towards Omega_h, cycle by cycle, with an estimate of Omega_h.
 
     Args:
         parameters: The disk and its friction law.
@@ -282,12 +287,12 @@ class PeriodContinuation:
 
     @property
     def latest(self) -> PeriodPoint:
-        """The last cycle."""
+        """The last cycle that the continuation has found."""
         return self.points[-1]
 
     def law_rows(self, unstable: float) -> list[tuple[float, float, float]]:
-        """Return a row for each cycle: Omega - Omega_h [rad/s], the period [s], and a ratio of
-        slopes.
+        """Return a row for each cycle, to compare the periods with their law: Omega - Omega_h
+        [rad/s], the period [s], and a ratio of slopes.
 
         The ratio is the slope of T over that of the law
 
@@ -309,11 +314,14 @@ class PeriodContinuation:
 
     @property
     def above(self) -> Fraction:
-        """Omega - Omega_h of the last cycle [rad/s], negative if cycles lie below."""
+        """The distance Omega - Omega_h [rad/s] of the last cycle found, negative if cycles lie
+        below Omega_h.
+        """
         return fraction(self.latest.omega) - self.asymptotics.omega_h
 
     def further(self, least: Fraction) -> None:
-        """Add one more cycle, as far ahead as the law allows.
+        """Compute one more cycle of the family, as much closer to Omega_h as the law predicts
+        reliably.
 
         Args:
             least: The least distance of the cycle from Omega_h [rad/s].
@@ -376,7 +384,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
 
 
 def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
-    """Return the arithmetic that a cycle next to Omega_h needs to keep its digits.
+    """Return the arithmetic in which a cycle next to Omega_h must be computed to keep its digits.
 
     Rounding grows over a passage like 1 / above. It must be small against the state's distance from
     the saddle. That distance is of the order of ``above`` to the power lambda_u / (lambda_u -

@@ -40,8 +40,8 @@ _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a
 
 
 class Image(NamedTuple):
-    """The image of a point under the return map P, with P's derivatives with respect to the
-    coordinates and Omega.
+    """The image of a point of the section under the return map P, with P's derivatives with respect
+    to the coordinates and Omega.
     """
 
     time: Any  #: flight time [s]
@@ -53,9 +53,8 @@ class Image(NamedTuple):
     flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
     def newton_step(self, held: FixedQuantity = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
-        """Return the step of both coordinates and Omega after which the map returns to the start.
-
-        The step is exact to first order.
+        """Return the Newton step of both coordinates and Omega after which the point is a fixed
+        point, to first order.
 
         Args:
             held: The quantity that the step holds.
@@ -78,7 +77,8 @@ class Image(NamedTuple):
         return x, y, omega
 
     def slopes(self, held: FixedQuantity) -> tuple[Any, Any, Any, Any]:
-        """Return derivatives along the family, with respect to the quantity held.
+        """Return derivatives along the family of limit cycles, with respect to the quantity that is
+        held.
 
         They are those of the family of cycles if the start is a fixed point.
 
@@ -96,19 +96,24 @@ class Image(NamedTuple):
 
     @property
     def _rows(self) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
-        """The rows of (P' - 1 | dP/dOmega)."""
+        """The rows of the matrix (P' - 1 | dP/dOmega), the linear part of a Newton step's
+        equations.
+        """
         (a, b), (c, d) = self.matrix
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
     def _held_row(self, held: FixedQuantity) -> tuple[Any, Any, Any]:
-        """Return the derivatives of the held quantity with respect to both coordinates and Omega."""
+        """Return the derivatives of the quantity that a Newton step holds, with respect to both
+        coordinates and Omega.
+        """
         if held == "time":
             return (*self.time_by_state, self.time_by_omega)
         return (1, 0, 0) if held == "coordinate" else (0, 0, 1)
 
 
 class ReturnMap(Generic[C]):
-    """The return map of one disk at one speed, in one arithmetic.
+    """The return map of one disk at one speed, from a section to its next crossing, in one
+    arithmetic.
 
     Flights and images raise NoSuchCycleError if the start has coordinates that the section does not
     have, or if the orbit does not come back to the section.
@@ -143,15 +148,15 @@ class ReturnMap(Generic[C]):
         self._requests: dict[tuple[Event, ...], Request] = {}
 
     def within(self, precision: Precision) -> ReturnMap[C]:
-        """Return the same map in another arithmetic."""
+        """Return the same return map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
 
     def at_speed(self, omega: Any) -> ReturnMap[C]:
-        """Return the map at another speed [rad/s]."""
+        """Return the return map of the same disk at another speed [rad/s]."""
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
-        """Fly from a point to the section's next crossing.
+        """Fly from a point of the section to the section's next crossing.
 
         Args:
             point: Both coordinates on the section.
@@ -166,7 +171,8 @@ class ReturnMap(Generic[C]):
         return self._run(point, rounding, self.section.recorded, divergence=True)
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
-        """Return the image of a point, by the variational equations.
+        """Return the image of a point under the return map, with derivatives by the variational
+        equations.
 
         Args:
             point: Both coordinates on the section.
@@ -206,7 +212,7 @@ class ReturnMap(Generic[C]):
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
-        """Return the coordinates of the image less those of the point.
+        """Return the coordinates of a point's image under the return map, less those of the point.
 
         Args:
             end: The state (3,) in which the flow arrives.
@@ -216,7 +222,9 @@ class ReturnMap(Generic[C]):
         return image * end[a] - point[0], image * end[b] - point[1]
 
     def measures(self, flight: Result) -> dict[str, Any]:
-        """Return the section's measures by name, from a flight with its ``recorded`` events."""
+        """Return further numbers of a limit cycle by name, such as the largest lean, from a flight
+        with its ``recorded`` events.
+        """
         return self.section.measured(
             ((event.name, event.state) for event in flight.events), abs(0 * flight.time)
         )
@@ -270,7 +278,9 @@ class ReturnMap(Generic[C]):
         return self.residual(result.state, (0, 0))
 
     def _state(self, point: Any) -> list[Any]:
-        """Return (beta_bar, gamma_bar, v) of a point on the section."""
+        """Return the state (beta_bar, gamma_bar, v) of a point on the section, given by its two
+        coordinates.
+        """
         state = [*point]
         state.insert(self.section.fixed, self._edge)
         return state

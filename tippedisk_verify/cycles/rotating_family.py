@@ -31,8 +31,8 @@ _MAX_PANELS = 16  # panels, after which beta_bar_top is within 1e-5 of pi/2
 
 
 class RotatingFamily(Family):
-    """The rotating family of one disk, followed below Omega_h, and beyond the fold as far as
-    needed.
+    """The family of rotating limit cycles of one disk, followed below Omega_h, and beyond the fold
+    as far as needed.
 
     Args:
         parameters: The disk and its friction law.
@@ -86,7 +86,7 @@ class RotatingFamily(Family):
         self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 
     def reach(self, omega: float) -> None:
-        """Follow the family beyond its fold to a speed.
+        """Follow the family beyond its fold, up to the speed ``omega``.
 
         Args:
             omega: The speed [rad/s].
@@ -104,7 +104,7 @@ class RotatingFamily(Family):
                 raise NoSuchCycleError(end) from None
 
     def near_fold(self) -> Place:
-        """Return the `Place` of the fold, where Omega is smallest, to some digits.
+        """Return an approximation (`Place`) of the family's fold, where Omega is smallest.
 
         Raises:
             NoSuchCycleError: If the family has no fold.
@@ -117,8 +117,8 @@ class RotatingFamily(Family):
         return self.place(self.folds[0])
 
     def followed_places(self, omega: float, *, stable: bool | None = None) -> Iterator[Place]:
-        """Yield the cycles at a speed: the stable one before the fold, then the unstable one beyond
-        it.
+        """Yield approximations of the rotating cycles at a speed: the stable one before the fold,
+        then the unstable one beyond it.
 
         The family is followed as far as the speed.
 

@@ -53,7 +53,9 @@ VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 
 
 class Measure(NamedTuple):
-    """A number of the cycle that an event of a flight gives: a component of the state there."""
+    """A further number of a limit cycle: a component of the state at an event of a flight, such as
+    the largest lean.
+    """
 
     name: str  #: the name in the result
     event: Event
@@ -63,8 +65,10 @@ class Measure(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Section(Generic[C]):
-    """A section for one kind of cycle, with the symmetry that closes it. Sections compare by
-    identity.
+    """A section of the state space for one kind of limit cycle, with the symmetry that closes a
+    flight to a cycle.
+
+    Sections compare by identity.
     """
 
     name: str
@@ -85,28 +89,32 @@ class Section(Generic[C]):
 
     @property
     def fixed(self) -> int:
-        """The component of the state that is zero on the section."""
+        """The index of the component of the state that is zero on the section."""
         return self.result.fixed
 
     @property
     def free(self) -> tuple[int, int]:
-        """The other two components, a point's coordinates."""
+        """The indices of the other two components of the state, which are a point's coordinates on
+        the section.
+        """
         return (1, 2) if self.fixed == 0 else (0, 2)
 
     @property
     def names(self) -> tuple[str, str]:
-        """The names of the two coordinates."""
+        """The names of the two coordinates on the section."""
         return self.result.coordinates
 
     @property
     def recorded(self) -> tuple[Event, ...]:
-        """The events that `measured` reads."""
+        """The events that a flight must record so that `measured` can read the section's measures
+        from it.
+        """
         return tuple(dict.fromkeys(measure.event for measure in self.measures))
 
     @property
     def growth(self) -> tuple[float, float]:
-        """The growth of the fixed component in a flight, and the rounding error of that double
-        [rad].
+        """The amount by which the component that is zero on the section grows in a flight, and the
+        rounding error of this double [rad].
         """
         return self.turns * math.tau, self.turns * 2.4492935982947064e-16
 
@@ -133,7 +141,10 @@ class Section(Generic[C]):
         flight: Mapping[str, Any],
         ops: Any,
     ) -> dict[str, Any]:
-        """Return the numbers of a cycle by their names, or of many cycles as arrays (n,).
+        """Return the numbers of a limit cycle by their names, from its fixed point on the section
+        and the map's derivatives.
+
+        Many cycles give arrays (n,).
 
         Args:
             point: Both coordinates on the section.
@@ -177,7 +188,8 @@ class Section(Generic[C]):
         }
 
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
-        """Return the section's measures on one flight, by name.
+        """Return the section's measures, further numbers of a cycle such as the largest lean, by
+        name, from the events of one flight.
 
         Args:
             events: The (name, state) pairs of the ``recorded`` events of one flight.

@@ -67,7 +67,9 @@ class Sensitivity(Printable):
     parameters: Parameters  #: the disk, with the friction law
 
     def __getitem__(self, name: str) -> Mapping[str, Measured]:
-        """Return the derivatives of one number, by parameter."""
+        """Return the derivatives of one number with respect to each parameter, by the parameter's
+        name.
+        """
         return self.derivatives[name]
 
     def __str__(self) -> str:
@@ -125,8 +127,8 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
 
 
 def _scale(cycle: Cycle, section: Section[Any]) -> float:
-    """Return the relative change of the speed that changes the period or a coordinate by as much as
-    itself.
+    """Return the relative change of the speed that changes a cycle's period or a coordinate by as
+    much as itself.
 
     It is small next to Omega_h, a Hopf point and a fold. It is at most 1.
     """
@@ -146,7 +148,9 @@ def _derivatives(
     precision: Precision,
     weights: tuple[Fraction, ...],
 ) -> dict[str, dict[str, Fraction]]:
-    """Return the derivatives of the cycle's numbers in one arithmetic, by number and parameter."""
+    """Return the derivatives of a cycle's numbers with respect to each parameter and the speed, in
+    one arithmetic, by number and parameter.
+    """
     own = ReturnMap(section, cycle.parameters, cycle.omega.value, default_engine(), precision)
     start = tuple(precision.number(getattr(cycle, name).value) for name in section.names)
     point, _ = iterate_until_rounding(own, FixedPoint(own, start, own(start)))
@@ -159,7 +163,11 @@ def _derivatives(
     share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
 
     def numbers(moved: str, shift: Fraction) -> dict[str, Fraction]:
-        """Return the numbers and residuals with one coordinate or parameter moved."""
+        """Return the cycle's numbers and the map's residuals, by name, with one coordinate or
+        parameter moved.
+
+        ``moved`` is its name, and ``shift`` the amount.
+        """
         at = {**values, moved: values[moved] + shift}
         disk = cycle.parameters.changed(**{symbol: at[symbol] for symbol in SYMBOLS})
         return_map = ReturnMap(section, disk, at["omega"], own.engine, precision)

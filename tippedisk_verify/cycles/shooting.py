@@ -44,7 +44,8 @@ _NEAR_THE_LAW = 0.4
 
 
 def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
-    """Solve for a fixed point by damped Newton iteration in double.
+    """Solve for a limit cycle, a fixed point of the return map, by damped Newton iteration in
+    double.
 
     The iteration does not follow an amplitude below a fifth of the guess's: it then shrinks towards
     the equilibrium, which is the trivial solution.
@@ -79,7 +80,8 @@ def limit_cycle(
     guess: Sequence[float] | None = None,
     precision: Precision | None = None,
 ) -> LimitCycle:
-    """Return the limit cycle at ``omega``, each number to about ``digits`` significant digits.
+    """Return the librating limit cycle at ``omega`` by shooting, each number to about ``digits``
+    significant digits.
 
     Up to 12 digits everything runs in double if that holds them; close to the Hopf point it does
     not. A wider arithmetic measures the error only where the budget in double is too wide for the
@@ -115,7 +117,7 @@ def limit_cycle(
 
 
 def shoot_from_amplitude_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
-    """Solve for the cycle by Newton's iteration from the one-harmonic law.
+    """Solve for a librating limit cycle by Newton's iteration, starting from the one-harmonic law.
 
     The law costs nothing and is good where cycles are small.
 

@@ -58,8 +58,9 @@ _SETTLED = 1e-9  # a step after which only rounding in double is left
 # --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
 class BalancedCycle(Printable):
-    """A limit cycle from spectral harmonic balance. Half-widths are from a balance of more
-    harmonics.
+    """A librating limit cycle from spectral harmonic balance.
+
+    Half-widths are from a balance of more harmonics.
     """
 
     omega: Fraction  #: the spinning speed [rad/s]
@@ -76,8 +77,8 @@ class BalancedCycle(Printable):
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:
-    """Return the limit cycle at a speed by harmonic balance, to ``digits`` significant digits of its
-    period.
+    """Return the librating limit cycle at a speed by harmonic balance, to ``digits`` significant
+    digits of its period.
 
     If a speed has several cycles, it is the first one from the Hopf point on.
 
@@ -152,8 +153,11 @@ def _largest(a: Collocation, beta: Any, digits: int) -> Any:
 
 
 def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
-    """Return (gamma_bar, v) at beta = pi/2, v < 0, of a limit cycle, good enough to start shooting
-    from.
+    """Return approximate coordinates (gamma_bar, v) of a librating limit cycle on the section beta
+    = pi/2, v < 0.
+
+    They come from harmonic balance and are good enough to start shooting. A two-sided friction law
+    gets the cycle of the linear law, which differs little.
 
     Args:
         parameters: The disk.
@@ -172,8 +176,9 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
 # ---------------------------------------------------------------------------------- rotating cycles
 @dataclass(frozen=True)
 class SpectralRotation:
-    """A rotating limit cycle; each number's half-width is twice its distance from a finer
-    collocation.
+    """A rotating limit cycle from spectral collocation.
+
+    Each number's half-width is twice its distance from a finer collocation.
     """
 
     omega: Fraction  #: [rad/s]
@@ -224,8 +229,8 @@ def spectral_rotation(
 
 
 def _exponent(a: Collocation, cycle: Any) -> Any:
-    """Return the slow Floquet exponent in the arithmetic of the cycle, in units of the
-    frequency.
+    """Return the slow Floquet exponent of a limit cycle, in units of the frequency and in the
+    arithmetic of the cycle.
     """
     exponent, mode, rows = floquet_mode(a.double, cycle.astype(float))
     largest, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
@@ -252,10 +257,10 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
 # -------------------------------------------------------------------------------------------- folds
 @dataclass(frozen=True)
 class SpectralFold:
-    """A fold of limit cycles. Half-widths are twice the distance from a finer collocation.
+    """A fold of limit cycles from spectral collocation.
 
-    The state is (beta_bar, v) at gamma = pi/2 of a rotating cycle, (gamma_bar, v) at beta = pi/2 of
-    a librating one.
+    Half-widths are twice the distance from a finer collocation. The state is (beta_bar, v) at gamma
+    = pi/2 of a rotating cycle, (gamma_bar, v) at beta = pi/2 of a librating one.
     """
 
     samples: int
@@ -324,12 +329,19 @@ def _at_two_resolutions(
     digits: int,
     numbers: Callable[[Collocation], dict[str, Any]],
 ) -> dict[str, Measured]:
-    """Return ``numbers`` of the collocation at ``count`` samples, with half-widths from a finer
-    one.
+    """Return the numbers of a cycle from collocation at ``count`` samples, with half-widths by
+    comparison with a finer one.
 
     The half-width is twice the distance. The error falls geometrically with the samples. A
     librating cycle may have few samples, and an error that is small by chance. So its relative
     half-widths are at least the relative distance of the two periods.
+
+    Args:
+        parameters: The disk.
+        kind: The kind of cycle.
+        count: The number of samples.
+        digits: The digits wanted.
+        numbers: A function that computes the numbers from a collocation.
     """
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
     rough = numbers(Collocation(parameters, kind, count, digits + _GUARD_DIGITS))
@@ -343,7 +355,8 @@ def _at_two_resolutions(
 
 
 def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
-    """Return the point (n + 2,) of the cycle at a speed, in the arithmetic of the collocation.
+    """Solve for the limit cycle at a speed by collocation, and return its point (n + 2,) in the
+    collocation's arithmetic.
 
     ``start`` is a nearby point in double, with any number of samples. Raises NoSuchCycleError if
     the iteration does not converge.
@@ -359,8 +372,8 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
 
 
 def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]) -> Any:
-    """Solve ``residual`` = 0 in mpmath numbers, by chord steps with the derivative ``system`` in
-    double.
+    """Solve the equations ``residual`` = 0 in mpmath numbers, by chord steps with their derivative
+    ``system`` in double.
 
     Each pass gains some ten digits. Raises NoSuchCycleError if the passes do not settle below the
     resolution of doubles.

@@ -67,7 +67,8 @@ def not_converged_error(samples: int) -> NoSuchCycleError:
 
 
 def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
-    """Solve for the cycle in the plane through ``start`` with the given normal.
+    """Solve the collocation equations for the limit cycle in the plane through ``start`` with the
+    given normal.
 
     Args:
         a: The collocation, in double.
@@ -91,7 +92,8 @@ def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
 def _solved(
     a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
 ) -> Any | None:
-    """Solve ``residual`` = 0 by Newton's iteration with the derivative ``matrix``.
+    """Solve the collocation equations ``residual`` = 0 for a limit cycle by Newton's iteration,
+    with their derivative ``matrix``.
 
     The unknowns are a point (n + 2,), and any further ones after it. Returns them, or None if the
     iteration does not converge, or leaves the cycles of this kind.
@@ -123,7 +125,7 @@ def _solved(
 
 # -------------------------------------------------------------------------------------------- folds
 def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
-    """Solve for a fold near a point.
+    """Solve the collocation equations for a fold of limit cycles near a point.
 
     Args:
         a: The collocation, in double.
@@ -146,7 +148,7 @@ def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
 
 
 def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
-    """Return the residuals of a fold's equations (2 n + 3,).
+    """Return the residuals (2 n + 3,) of the collocation equations of a fold.
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
     vector's scale.
@@ -185,8 +187,8 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
 
 
 def first_fold(parameters: Parameters, kind: Kind) -> Any:
-    """Return the first fold of the librating cycles from the Hopf point on, or that of the rotating
-    ones.
+    """Find the first fold of the librating cycles from the Hopf point on, or the fold of the
+    rotating ones, by collocation.
 
     Args:
         parameters: The disk, under the linear law.
@@ -221,8 +223,10 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 def _walk(
     parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
 ) -> Iterator[tuple[Any, bool]]:
-    """Yield the points of the branch from its first two on, folds included, each with True if the
-    speed turns there.
+    """Yield the points of a branch of limit cycles one after the other, folds included, from its
+    first two on.
+
+    Each point comes with True if the speed turns there.
 
     Pseudo-arclength steps pass folds, and leave the trivial solution behind for good. The number of
     samples grows once the last harmonics are no longer small. The branch ends where its cycles
@@ -272,8 +276,8 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
 
 # --------------------------------------------------------------------------------- librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
-    """Return a generator of the librating cycles' branch from the Hopf point on, in the form of
-    `_walk`.
+    """Return a generator that follows the librating limit cycles from the Hopf point on, and yields
+    what `_walk` yields.
     """
     # The square of beta's amplitude over that of gamma's.
     share = float(parameters.e / (parameters.r + parameters.e))
@@ -341,7 +345,8 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
 
 # ---------------------------------------------------------------------------------- rotating cycles
 def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
-    """Return the stable rotating cycle at a speed, or the unstable one.
+    """Return the stable or the unstable rotating limit cycle at a speed, as a point of the
+    collocation.
 
     Args:
         parameters: The disk, under the linear law.
@@ -366,8 +371,8 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
 
 
 def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
-    """Return the point (n + 2,) of a rotation of the rolling disk with beta_bar = lean at the
-    bottom.
+    """Return a guess of a rotating cycle, as a collocation point (n + 2,): a rotation of the
+    rolling disk with beta_bar = lean at the bottom.
 
     The rolling disk conserves (r + e sin gamma) sin beta.
     """
@@ -383,7 +388,7 @@ def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
 
 
 def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
-    """Return the slow Floquet exponent of a rotating cycle and its mode.
+    """Return the slow Floquet exponent of a rotating cycle and its mode, in double by collocation.
 
     Args:
         a: The collocation, in double.

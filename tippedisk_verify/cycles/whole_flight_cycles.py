@@ -59,8 +59,8 @@ def cycle_near(
     *,
     digits: int = 12,
 ) -> C:
-    """Return the cycle of the section's kind at exactly ``omega``, next to ``omega_h``; it is
-    cached.
+    """Return the limit cycle at exactly ``omega``, next to ``omega_h``, from whole flights in wide
+    arithmetic; it is cached.
 
     Librating cycles lie above, or below if the saddle value is positive. Stable rotating ones lie
     below.
@@ -134,7 +134,8 @@ def fixed_point_near(
 
 
 def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
-    """Predict (gamma_bar_0, v_0) of the cycle at a distance above Omega_h [rad/s].
+    """Predict the start (gamma_bar_0, v_0) of the librating limit cycle at a distance above Omega_h
+    [rad/s].
 
     The family is followed in its period to about the root of ``above``.
     """
@@ -148,8 +149,8 @@ def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
 def _fixed_point(
     return_map: ReturnMap[C], point: tuple[Any, Any], matrix: Any, distance: Fraction
 ) -> FixedPoint[C]:
-    """Solve for the fixed point by Broyden's iteration in the map's arithmetic, until the next step
-    would be rounding.
+    """Solve for a fixed point of the return map by Broyden's iteration in the map's arithmetic,
+    until the next step would be rounding.
 
     Raises NoSuchCycleError if it does not converge, or leaves the neighbourhood of the connection.
     """
@@ -200,7 +201,8 @@ def with_speed(
     branch_length: Fraction,
     engine: Engine,
 ) -> C:
-    """Return the cycle with half-widths that include the effect of Omega_h's uncertainty.
+    """Return a limit cycle with half-widths that include the effect of Omega_h's uncertainty on its
+    speed.
 
     All numbers are computed once more at another speed, moved by a thousandth of the distance from
     the nearer end of the branch. Up to a thousandth they change in proportion to the speed

@@ -18,7 +18,8 @@ _CURVE = 81  # points of a boundary curve
 
 
 def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
-    """Draw the outcomes of a plane of starts with the same v, and the boundary's two curves in it.
+    """Draw the basins of attraction in a plane of starts with the same v, by the outcome of each
+    start, and the boundary's two curves in it.
 
     Args:
         plane: The outcomes.

@@ -22,7 +22,7 @@ EXHIBITS: tuple[Exhibit, ...] = (
 
 
 def exhibits_for(claims: Sequence[str]) -> tuple[Exhibit, ...]:
-    """Return the exhibits that illustrate some of these claims."""
+    """Return the figures of the report that illustrate some of these claims."""
     return tuple(
         exhibit for exhibit in EXHIBITS if not set(claims_drawn_in(exhibit.name)).isdisjoint(claims)
     )

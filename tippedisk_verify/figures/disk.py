@@ -28,7 +28,8 @@ _ELEVATION, _AZIMUTH = 14, -62  # of the viewpoint [degrees]
 def points_of(
     parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0
 ) -> dict[str, Any]:
-    """Return the points G, S and C [m] and the frames' unit vectors.
+    """Return the positions [m] of the disk's points G, S and C in a given attitude, and the frames'
+    unit vectors.
 
     The frame is at rest, with its origin on the floor below S. The angles follow the paper's z-x-z
     convention: the disk is turned by alpha about the vertical, leans by beta about ``along``, and

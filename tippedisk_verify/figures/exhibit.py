@@ -21,7 +21,7 @@ _MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
 
 @dataclass(frozen=True)
 class Drawing:
-    """The result of drawing an exhibit."""
+    """The result of drawing a figure of the report: the picture, its data and what to see in it."""
 
     figure: Callable[[int], Any]  #: draws it in a given number of columns
     columns: int  #: the number of columns on a wide page
@@ -33,7 +33,7 @@ class Drawing:
 
 @dataclass(frozen=True)
 class Exhibit:
-    """A figure of the report."""
+    """A figure of the audit's report, and the function that draws it."""
 
     draw: Callable[[Audit, Sequence[str]], Drawing]  #: takes the audit and the names of the claims
     name: str
@@ -46,12 +46,14 @@ class Exhibit:
 
     @property
     def source(self) -> str:
-        """The published numbers of the figures that it redraws, followed by their labels."""
+        """The published numbers of the paper's figures that this figure redraws, followed by their
+        labels.
+        """
         return f"{cited(self.labels)}, {self.labels}" if self.labels else ""
 
 
 def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
-    """Put several curves into one table, whose first column names the curve.
+    """Put the rows of several curves into one CSV table, whose first column names the curve.
 
     Args:
         header: The names of the other columns.
@@ -61,10 +63,10 @@ def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[objec
 
 
 def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
-    """Draw an exhibit and return it as plain data.
+    """Draw a figure of the report and return the result as plain data.
 
     Args:
-        exhibit: The exhibit.
+        exhibit: The figure.
         audit: The audit.
         examined: The names of the claims that it illustrates.
 

@@ -38,7 +38,8 @@ _FAMILIES = {_LIBRATING: (GREEN, "-"), _STABLE: (ORANGE, "-"), _UNSTABLE: (ORANG
 
 
 def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]) -> Rows:
-    """Return Omega, beta_max, T and slow multiplier of each cycle, sorted by the speed.
+    """Return the rows of a plot of limit cycles, sorted by the speed: Omega, beta_max, T and slow
+    multiplier of each cycle.
 
     ``ends`` are further rows, where the family begins or ends.
     """
@@ -49,14 +50,15 @@ def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]
 
 
 def _birth(parameters: Parameters) -> tuple[float, ...]:
-    """Return the row of the Hopf point: Omega_crit, no amplitude, the period there, and the
-    multiplier 1.
+    """Return the row of the Hopf point in a plot of limit cycles: Omega_crit, no amplitude, the
+    period there, and the multiplier 1.
     """
     return (float(omega_crit(parameters)), 0.0, float(period_crit(parameters)), 1.0)
 
 
 def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Rows:
-    """Return Omega [rad/s], amplitude [rad] and period [s] of a one-harmonic law.
+    """Return the rows of a plot of a one-harmonic law: Omega [rad/s], amplitude [rad] and period
+    [s].
 
     Args:
         parameters: The disk.
@@ -72,7 +74,7 @@ def law_rows(parameters: Parameters, speeds: Sequence[float], form: Form) -> Row
 
 
 def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
-    """Draw amplitude, period and slow multiplier of a family against Omega.
+    """Draw amplitude, period and slow multiplier of a family of limit cycles against Omega.
 
     These are the paper's Figures HBM and Shooting.
 
@@ -107,7 +109,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     "multiplier, which rises to one at the Hopf point.",
 )
 def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the audited disk's family with both one-harmonic laws."""
+    """Draw the audited disk's family of limit cycles with both one-harmonic laws."""
     parameters = audit.parameters
     rows = _rows(audit.family(parameters.name), _birth(parameters))
     speeds = [row[0] for row in rows]
@@ -133,7 +135,7 @@ def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
 def draw_scenario(
     families: Mapping[str, Rows], scenes: Mapping[str, float], omega_h: float, columns: int = 2
 ) -> Any:
-    """Draw largest lean and period of all families against Omega.
+    """Draw largest lean and period of all families of limit cycles against Omega.
 
     The Hopf point, Omega_h, the fold and the six scenes are marked.
 

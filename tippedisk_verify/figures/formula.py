@@ -42,8 +42,9 @@ def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
 
 
 def _pieces(latex: str) -> list[str]:
-    """Cut a formula into pieces: before relations and sums and after wide spaces, but not inside
-    brackets.
+    """Cut a LaTeX formula into pieces between which a line may break.
+
+    The cuts are before relations and sums and after wide spaces, but not inside brackets.
     """
     pieces, depth = [""], 0
     for token in re.findall(r"\\[A-Za-z]+|\\.|.", latex):

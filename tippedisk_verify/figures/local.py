@@ -19,8 +19,8 @@ _STEPS = 200  # up to Omega_crit; where the two real eigenvalues meet they chang
 
 
 def eigenvalue_rows(parameters: Parameters) -> list[tuple[float, ...]]:
-    """Return rows of Omega [rad/s], and Re and Im [1/s] of the three eigenvalues of inverted
-    spinning.
+    """Return the rows of a plot of inverted spinning's three eigenvalues: Omega [rad/s], and their
+    Re and Im [1/s].
 
     The speeds go up to 2 Omega_crit.
     """
@@ -66,7 +66,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )
 def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the eigenvalues of the audited disk."""
+    """Draw the eigenvalues of inverted spinning of the audited disk against the speed."""
     rows = eigenvalue_rows(audit.parameters)
     crit = float(omega_crit(audit.parameters))
     third = [row[5] for row in rows]

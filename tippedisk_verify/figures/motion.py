@@ -12,7 +12,7 @@ __all__ = ["draw_motion"]
 
 
 def draw_motion(solution: Solution) -> Any:
-    """Draw beta, gamma and v against t, with events as dots.
+    """Draw a computed motion: beta, gamma and v against t, with events as dots.
 
     Returns:
         The Matplotlib figure.

@@ -31,7 +31,9 @@ _TIME_LIMIT = 60.0  # s that a program may take for a run
 
 @dataclass(frozen=True, repr=False)
 class Race(Printable):
-    """The scores of a race: every method on every problem at every setting."""
+    """The result of a race of integrators: the scores of every method on every problem at every
+    setting.
+    """
 
     scores: tuple[Score, ...]
 
@@ -48,10 +50,13 @@ class Race(Printable):
         return data_frame([score.to_dict() for score in self.scores])
 
     def plot(self, columns: int = 2) -> Any:
-        """Return the work-precision diagram as a matplotlib figure.
+        """Draw the work-precision diagram of the race.
 
         Args:
             columns: The number of panels side by side.
+
+        Returns:
+            The matplotlib figure.
         """
         return draw_bench(self.scores, columns)
 
@@ -71,7 +76,7 @@ def race(
     answers: str | Path | Sequence[str | Path] = (),
     progress: bool | None = None,
 ) -> Race:
-    """Race integrators of one's own against the suite's and SciPy's.
+    """Compare integrators of one's own with the suite's and SciPy's, in speed and error.
 
     The methods run in turns, and warm runs are timed.
 
@@ -187,7 +192,8 @@ class _Dialogue:
         self.seconds: float | None = None
 
     def solve(self, problem: Problem, tolerance: float) -> Any:
-        """Send a problem and a tolerance to the program, and return its states.
+        """Send a problem and a tolerance to the external program, and return the states that it
+        computes.
 
         Raises ArithmeticError if it gives none.
         """

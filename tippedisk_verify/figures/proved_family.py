@@ -20,7 +20,7 @@ _AMPLITUDE, _SPEED = r"$\bar{\gamma}_0$ [rad]", "Ω [rad/s]"
 
 
 def draw_proved_family(proof: FamilyProof) -> Any:
-    """Draw the family of a proof whose Hopf end is closed, in four panels.
+    """Draw a proved family of limit cycles in four panels. The proof must reach the Hopf point.
 
     Returns:
         The Matplotlib figure.
@@ -35,7 +35,9 @@ def draw_proved_family(proof: FamilyProof) -> Any:
 
 
 def _arcs(proof: FamilyProof) -> list[tuple[Piece, str, Any, Any]]:
-    """Return each arc with its colour, amplitudes [rad] and speeds [rad/s]."""
+    """Return each proved piece of the family with its colour, amplitudes [rad] and speeds [rad/s],
+    for the plots.
+    """
     arcs = []
     for count, piece in enumerate(proof.pieces):
         a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)

@@ -69,7 +69,8 @@ _METHODS: dict[str, tuple[Any, ...]] = {
 
 
 def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
-    """Draw the work-precision diagram, with a panel for each problem.
+    """Draw the work-precision diagram of a comparison of integrators, with a panel for each
+    problem.
 
     A method with a run that failed has its mark in a band at the top. Errors in a band at the
     bottom are below the uncertainty of the reference.
@@ -98,9 +99,10 @@ def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
 
 
 def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
-    """Return the style of each method's curve, in the order of the curves from left to right.
+    """Return the style of each integrator's curve in the diagram, in the order of the curves from
+    left to right.
 
-    Users' own methods get their styles in the order of the scores, whatever their times.
+    Users' own methods get their styles in the order of the scores, regardless of their times.
     """
     fastest: dict[str, float] = {}
     for score in scores:
@@ -122,7 +124,7 @@ def _looks(scores: Sequence[Score]) -> dict[str, dict[str, Any]]:
 
 
 def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, Any]]) -> None:
-    """Draw the scores of one problem, with a curve for each method."""
+    """Draw the errors and run times of integrators on one problem, with a curve for each method."""
     errors = [
         max(score.error, _MIN_SHOWN_ERROR) for score in scores if score.error is not None
     ] or [1.0]
@@ -149,7 +151,9 @@ def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, A
 
 
 def _brief_methods() -> list[Method]:
-    """Return the report's methods: ours, SciPy's strongest and compiled peers, at fast settings."""
+    """Return the integrators that the report compares: ours, SciPy's strongest and compiled peers,
+    at fast settings.
+    """
     chosen = [method for method in METHODS if method.name in _METHODS]
     with suppress(InputError):
         chosen += [method for method in peer_methods() if method.family == "numbalsoda"]
@@ -169,7 +173,7 @@ def _brief_methods() -> list[Method]:
     packages=("numbalsoda",),
 )
 def race(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Run the report's comparison and draw it."""
+    """Run the report's comparison of integrators and draw it."""
     scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
     return Drawing(
         figure=lambda columns: draw_bench(scores, columns),
@@ -181,7 +185,9 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
 
 
 def race_csv(scores: Sequence[Score]) -> CSV:
-    """Return all measured numbers as a header and rows."""
+    """Return all measured numbers of a comparison of integrators as the header and rows of a CSV
+    table.
+    """
     rows = [score.to_dict() for score in scores]
     header = [
         f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]
@@ -190,7 +196,9 @@ def race_csv(scores: Sequence[Score]) -> CSV:
 
 
 def _compared(scores: Sequence[Score]) -> str:
-    """Compare the fastest compiled peer's and SciPy's times with the Taylor engine's, in words."""
+    """Return a sentence that compares run times with the Taylor engine's: those of the fastest
+    compiled peer and of SciPy.
+    """
     comparisons = []
     rows = [row for row in ratios(scores) if row["error_at_most"] == 1e-6 and row["heyoka_seconds"]]
     for group, subject in (

@@ -39,7 +39,8 @@ _CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
 def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
-    """Return each orbit's states up to a time, within the nearest well on either side.
+    """Return the states of each orbit of a panel up to a time, cut where the orbit leaves the
+    nearest well on either side.
 
     Further wells repeat the picture.
     """
@@ -54,7 +55,8 @@ def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
 
 
 def last_turn(panel: Panel) -> Any:
-    """Return one period of the limit cycle, from the end of the orbit that has settled best.
+    """Return one period of the limit cycle that orbits of a panel approach, from the end of the
+    orbit that has settled best.
 
     A rotating cycle is taken from one noninverted state to the next, in the middle well.
 
@@ -119,7 +121,7 @@ def _draw_panel(
 
 
 def _angle_axis(axis: Any, low: float, high: float) -> None:
-    """Set ticks at multiples of pi/2 from ``low`` to ``high`` [rad]."""
+    """Set the ticks of a plot's axis at multiples of pi/2 from ``low`` to ``high`` [rad]."""
     first, last = math.ceil(low / (math.pi / 2)), math.floor(high / (math.pi / 2))
     halves = [half for half in range(first, last + 1) if last - first <= 6 or half % 2]
     names = {0: "0", 1: "π/2", 2: "π", -1: "−π/2", -2: "−π"}
@@ -144,7 +146,8 @@ def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
 
 
 def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """Draw the panels projected onto the (beta, gamma) plane (the paper's Figure proj_3D).
+    """Draw the orbits of the paper's scenes, projected onto the (beta, gamma) plane, a panel for
+    each (the paper's Figure proj_3D).
 
     Args:
         panels: The panels.
@@ -181,7 +184,8 @@ def _legend(figure: Any, columns: int, surface: bool = False) -> None:
 
 
 def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
-    """Draw the panels in space, with the slow manifold of orders 0 and 1 (the paper's Figure 3D).
+    """Draw the orbits of the paper's scenes in space, with the slow manifold of orders 0 and 1, a
+    panel for each (the paper's Figure 3D).
 
     Args:
         panels: The panels.
@@ -244,7 +248,7 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
 
 
 def scene_tables(panel: Panel) -> dict[str, CSV]:
-    """Return the header and the rows of each orbit's file, and of the slow manifold's, by file
+    """Return the tables of a scene's orbits and of its slow manifold as headers and rows, by file
     name.
 
     The files are ``scene_X_orbit_N.csv`` and ``scene_X_slow_manifold.csv``. States and heights are
@@ -274,7 +278,9 @@ def scene_tables(panel: Panel) -> dict[str, CSV]:
 
 
 def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
-    """Return the audited set's panels that could be computed, for the scenes among the claims.
+    """Return the panels of the scenes among the examined claims, for the audited parameter set.
+
+    Panels that could not be computed are left out.
 
     Raises:
         AccuracyError: If no panel could be computed.
@@ -303,7 +309,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
     cost=4,
 )
 def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the scenes in space."""
+    """Draw the orbits of the paper's scenes in the space of beta, gamma and v."""
     panels = _panels(audit, examined)
     rate = -float(stiff_eigenvalue_estimate(audit.parameters))
     return Drawing(
@@ -329,7 +335,7 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
 )
 def scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
-    """Draw the scenes in the plane of beta and gamma."""
+    """Draw the orbits of the paper's scenes in the plane of beta and gamma."""
     panels = _panels(audit, examined)
     orbits = {
         name: table

@@ -56,7 +56,9 @@ _STYLE: dict[Any, Any] = {
 
 
 def pyplot() -> Any:
-    """Return Matplotlib's pyplot without a screen, in the style of all figures."""
+    """Return Matplotlib's pyplot, set up to draw without a screen and in the style of
+    all figures.
+    """
     import matplotlib
 
     matplotlib.use("Agg", force=False)
@@ -93,7 +95,7 @@ def grid(
 
 
 def encoded(figure: Any, kind: str) -> bytes:
-    """Return the figure as the bytes of a file, and leave it open.
+    """Return a figure as the bytes of an image file, and leave it open.
 
     Args:
         figure: The figure.
@@ -116,7 +118,7 @@ def encoded(figure: Any, kind: str) -> bytes:
 
 
 def _power_of_ten(value: float, place: int | None = None) -> str:
-    """Return the label of a value on a logarithmic axis, as plain text.
+    """Return the label of a value on a logarithmic axis, as plain text such as 10⁻³.
 
     Matplotlib's own labels are formulas, and parsing them takes half the time of a figure.
     """

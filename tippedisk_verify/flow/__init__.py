@@ -19,7 +19,7 @@ _THREAD_ENGINES: Any = local()
 
 
 def default_engine() -> Engine:
-    """Return the thread's Taylor engine, which serves every friction law.
+    """Return the current thread's Taylor engine, which integrates under every friction law.
 
     It is kept, so that each thread compiles only once.
     """
@@ -31,7 +31,10 @@ def default_engine() -> Engine:
 
 
 def default_lanes() -> BatchTaylor:
-    """Return the thread's engine for many runs at once, which is kept as well."""
+    """Return the thread's Taylor engine for many runs at once, in the lanes of SIMD instructions.
+
+    It is kept, so that each thread compiles only once.
+    """
     if not hasattr(_THREAD_ENGINES, "lanes"):
         from tippedisk_verify.flow.lanes import BatchTaylor
 

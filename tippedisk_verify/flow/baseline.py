@@ -55,7 +55,9 @@ class _OutOfStepsError(Exception):
 
 
 class _Counted:
-    """The right-hand side, with its evaluations counted and limited."""
+    """The right-hand side of the equations of motion for SciPy, with its evaluations counted and
+    limited.
+    """
 
     def __init__(self, rates: Callable[[float, Any], Any], initial: Any, most: int) -> None:
         self._rates, self._most, self.calls = rates, most, 0
@@ -71,7 +73,7 @@ class _Counted:
 
 @undisturbed_methods
 class Baseline:
-    """One of SciPy's methods as an engine.
+    """An engine that integrates with one of SciPy's methods.
 
     Args:
         method: One of `METHODS`.
@@ -87,21 +89,21 @@ class Baseline:
 
     @property
     def name(self) -> str:
-        """The name in results: ``scipy-`` and the method."""
+        """The name of this engine in results: ``scipy-`` and the method."""
         return f"scipy-{self.method}"
 
     @property
     def measures_error(self) -> bool:
-        """False: SciPy has no reliable error estimate."""
+        """False: this engine gives no half-widths, because SciPy has no reliable error estimate."""
         return False
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """Empty: nothing is compiled."""
+        """The integrators that this engine has compiled: none, because SciPy compiles nothing."""
         return ()
 
     def __call__(self, request: Request) -> Result:
-        """Integrate as requested.
+        """Integrate the motion that a request describes, with SciPy.
 
         Args:
             request: The run.

@@ -45,7 +45,7 @@ _in_use: list[Any] = []
 
 
 def use_checked_cache(llvm_state: Any) -> None:
-    """Give heyoka a checked cache file in this package's cache folder.
+    """Let heyoka keep its compiled code in a cache file whose entries have been checked.
 
     heyoka uses no cache file if none is wanted or can be used.
 
@@ -68,7 +68,8 @@ def use_checked_cache(llvm_state: Any) -> None:
 
 
 def add_checksums(*, ending: bool = False) -> None:
-    """Add checksums to new entries if the cache has changed its size since the last call.
+    """Add checksums to new entries of the cache of compiled code, if the cache has changed its size
+    since the last call.
 
     Args:
         ending: True if the process is ending; the file is then always looked at.
@@ -84,10 +85,11 @@ def add_checksums(*, ending: bool = False) -> None:
 
 
 def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
-    """Add or check checksums, then note the file's state unless another process is changing it.
+    """Add or check checksums in the cache file of compiled code, then note the file's state.
 
-    A file that is not a cache is removed. No Python function is registered with SQLite, because it
-    would mistake a Ctrl-C in one for a fault of the file and hide it.
+    The state is not noted if another process is changing the file. A file that is not a cache is
+    removed. No Python function is registered with SQLite, because it would mistake a Ctrl-C in one
+    for a fault of the file and hide it.
     """
     before = _stamp(path)
     try:
@@ -125,7 +127,7 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
 
 
 def _digest(values: list[bytes | None]) -> bytes:
-    """Return bytes that change with each value and its length."""
+    """Return a checksum of a list of values, which changes with each value and its length."""
     parts = [value or b"" for value in values]
     return sha256(b"%a" % [*map(len, parts)] + b"".join(parts)).digest()
 

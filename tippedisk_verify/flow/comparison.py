@@ -41,9 +41,10 @@ _MIN_RATE_IN_ROUNDINGS = 2**20
 
 
 def compared(engine: Engine, request: Request, result: Result) -> Result:
-    """Return the result with half-widths, from runs with at least 48 bits more.
+    """Return the result of a run with half-widths, measured by runs of the same request in a wider
+    arithmetic of at least 48 bits more.
 
-    They are infinite where rounding decides the outcome.
+    The half-widths are infinite where rounding decides the outcome.
 
     Args:
         engine: The engine of the wider runs.
@@ -85,7 +86,8 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
 def _half_widths(
     precision: Precision, wider: Precision, result: Result, check: Result
 ) -> ErrorEstimate:
-    """Return the half-widths of all numbers of a result, from those of the wider run.
+    """Return the half-widths of all numbers of a run's result, by comparison with a run in wider
+    arithmetic.
 
     They are infinite where the runs do not end alike.
     """
@@ -123,7 +125,8 @@ def _undecided() -> ErrorEstimate:
 
 
 def _moves(request: Request, wider: Precision) -> bool:
-    """Return True if the start's rates are far larger than its rounding, or if there are no events.
+    """Return True if a run has no events, or if its start moves: the rates there are far larger
+    than their rounding.
 
     The events of a slower start would be artefacts of rounding.
     """
@@ -136,7 +139,7 @@ def _moves(request: Request, wider: Precision) -> bool:
 
 
 def _parted(first: Result, second: Result) -> bool:
-    """Return True if two runs end alike but lie far apart.
+    """Return True if two runs of the same motion end alike but lie far apart.
 
     The effect of rounding is then no longer proportional to it.
     """

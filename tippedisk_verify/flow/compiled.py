@@ -23,7 +23,9 @@ _RUN_COUNTER = count()
 
 
 class CompiledRunners:
-    """The compiled runners of an engine, each with a method ``run``. A pickled copy is empty."""
+    """The compiled integrators (runners) that an engine keeps, each with a method ``run``. A
+    pickled copy is empty.
+    """
 
     def __init__(self) -> None:
         self._slots: dict[Any, _Slot] = {}
@@ -32,11 +34,14 @@ class CompiledRunners:
         return CompiledRunners, ()
 
     def kept(self) -> list[Any]:
-        """Return all runners that are still kept, in the order of their compilation."""
+        """Return all compiled integrators that are still kept, in the order of their
+        compilation.
+        """
         return [slot.runner for slot in list(self._slots.values())]
 
     def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
-        """Run the runner of a key, compiling it first if necessary, and return its result.
+        """Run the compiled integrator (runner) of a key, compiling it first if necessary, and
+        return its result.
 
         One thread compiles at a time. Another thread that needs the same runner then finds it
         compiled.
@@ -75,7 +80,7 @@ class CompiledRunners:
 
 
 class _Slot:
-    """A runner with its lock and its time of last use."""
+    """A compiled integrator with its lock and its time of last use."""
 
     def __init__(self, runner: Any) -> None:
         self.runner, self.lock, self.running = runner, RLock(), False

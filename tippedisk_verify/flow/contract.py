@@ -55,7 +55,9 @@ STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
 
 
 class Status(Enum):
-    """The end of an integration. Its value is the message: what happened, and what to try next."""
+    """The way in which an integration ended. Its value is a message: what happened, and what to try
+    next.
+    """
 
     REACHED = "the final time was reached"
     EVENT = "a terminal event ended the run"
@@ -79,9 +81,10 @@ _SCIPY_ARGUMENTS = 2  # the arguments of SciPy's event functions: t and y
 
 
 class _Symbol:
-    """A placeholder for a number, on which an event's function is tried out.
+    """A stand-in for a number, with which an event's function is called to see if it uses
+    arithmetic only.
 
-    The result of any arithmetic with it is the placeholder itself.
+    The result of any arithmetic with it is the stand-in itself.
     """
 
     def _combined(self, other: object = 0) -> _Symbol:
@@ -96,7 +99,7 @@ class _Symbol:
 
 
 class _Symbols:
-    """The sine and cosine of `_Symbol`; an event may use no other functions."""
+    """The sine and cosine of a `_Symbol`, the only functions that an event may use."""
 
     sin = cos = staticmethod(_Symbol._combined)
 
@@ -104,16 +107,17 @@ class _Symbols:
 def _of_state(
     function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any
 ) -> Any:
-    """Evaluate an event function of SciPy's form at a state, with None in place of the time.
+    """Return the value of an event function of SciPy's form, ``function(t, y)``, at a state.
 
-    Motion and events do not depend on the time.
+    The time is None, because motion and events do not depend on it.
     """
     return function(None, state)
 
 
 @dataclass(frozen=True)
 class Event:
-    """A zero crossing of ``function(ops, constants, omega, beta, gamma, v)`` along the flow.
+    """An event of a motion: a zero crossing of ``function(ops, constants, omega, beta, gamma, v)``
+    along the flow.
 
     The function consists of arithmetic, ops.sin and ops.cos. A function of two arguments is SciPy's
     ``function(t, y)``, without t and with arithmetic on y = (beta, gamma, v) only.
@@ -185,7 +189,8 @@ SLIDING_REVERSAL = Event(
 
 @dataclass(frozen=True)
 class Request:
-    """A description of a run.
+    """A description of an integration of the motion: disk, speed, start, duration and what to
+    record.
 
     ``omega``, ``state`` and ``duration`` are numbers or texts that `model.exact.exact` accepts, so
     the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
@@ -248,7 +253,7 @@ class Request:
 
     @property
     def law(self) -> FrictionLaw:
-        """The friction law."""
+        """The friction law of the requested run."""
         return self.parameters.law
 
     @property
@@ -279,7 +284,9 @@ class Request:
 
 @dataclass(frozen=True, repr=False, eq=False)
 class EventRecord(Printable):
-    """One crossing: the event's name, the time [s] and the state, with any half-widths."""
+    """One recorded crossing of an event's surface: the event's name, the time [s] and the state,
+    with any half-widths.
+    """
 
     name: str
     time: Any
@@ -289,7 +296,7 @@ class EventRecord(Printable):
     uncertainty: Any = (math.inf,) * 3
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the record as data for JSON."""
+        """Return the recorded crossing as data for JSON."""
         state = zip(("beta", "gamma", "v"), with_widths(self.state, self.uncertainty), strict=True)
         return {
             "name": self.name,
@@ -300,7 +307,7 @@ class EventRecord(Printable):
 
 @dataclass(frozen=True, repr=False)
 class Build(Printable):
-    """One integrator that was compiled, or taken from the cache, for a request."""
+    """A description of one integrator that an engine has compiled, or taken from the cache."""
 
     _omitted = ()  # engine and precision are its content
 
@@ -316,9 +323,10 @@ class Build(Printable):
 
 @dataclass(frozen=True)
 class ErrorEstimate:
-    """Half-widths that hold the error of a result, rounding of the inputs included.
+    """The half-widths of all numbers of a run's result.
 
-    They are infinite if the two runs compared did not end alike: then rounding decides the outcome.
+    They hold the error, rounding of the inputs included. They are infinite if the two runs compared
+    did not end alike: then rounding decides the outcome.
     """
 
     state: Any  #: (3,) of the final state
@@ -336,7 +344,7 @@ class ErrorEstimate:
 
 
 class Result(NamedTuple):
-    """The result of a run.
+    """The result of integrating a motion.
 
     Arrays are in the request's precision, and consist of objects if its numbers are MPFR's.
     """
@@ -360,25 +368,25 @@ class Result(NamedTuple):
 
 
 class Engine(Protocol):
-    """A solver that answers requests."""
+    """The interface of an engine, which integrates the motion that a request describes."""
 
     @property
     def name(self) -> str:
-        """The name for reports, e.g. ``taylor`` or ``scipy-DOP853``."""
+        """The name of the engine for reports, e.g. ``taylor`` or ``scipy-DOP853``."""
 
     @property
     def measures_error(self) -> bool:
-        """True if it answers requests for an error estimate, and does so in every precision."""
+        """True if the engine can give half-widths of its results, in every precision."""
 
     @property
     def builds(self) -> tuple[Build, ...]:
-        """The integrators that it has compiled and keeps."""
+        """The integrators that the engine has compiled and keeps."""
 
     def __hash__(self) -> int:
         """Return a hash by identity, which distinguishes engines."""
 
     def __call__(self, request: Request) -> Result:
-        """Integrate as requested.
+        """Integrate the motion that a request describes.
 
         Args:
             request: The run.
@@ -392,7 +400,8 @@ class Engine(Protocol):
 
 
 def raise_unless_usable(result: Result) -> Result:
-    """Return the result unchanged if its run ended as requested; otherwise raise.
+    """Raise an error unless the run of a result ended as requested or at the end of the model's
+    domain; return the result.
 
     Args:
         result: The result of a run.

@@ -50,7 +50,8 @@ _STEP_FRACTIONS = numpy.linspace(0, 1, 9)
 
 
 class Defect:
-    """The error of a run in doubles, everywhere along it.
+    """The estimated error of a run in doubles, everywhere along it, from the defect of its
+    polynomials.
 
     Args:
         request: The run.
@@ -136,7 +137,10 @@ class Defect:
         return (fastest * lengths).max(axis=1), (growing * lengths).max(axis=1)
 
     def sweep(self) -> float:
-        """Do one sweep: correct the errors by the defect of polynomial plus error.
+        """Correct the estimated errors of the run by the defect that polynomial plus error still
+        has.
+
+        This is one sweep of deferred correction.
 
         Returns:
             The largest correction, in carried roundings.
@@ -151,7 +155,8 @@ class Defect:
         return float((numpy.abs(carried[1:]) / self.roundings[1:]).max())
 
     def compare(self, other: Defect) -> None:
-        """Estimate the collocation error by comparison with errors computed with fewer nodes.
+        """Estimate how wrong the estimated errors are, by comparison with those computed with fewer
+        collocation nodes.
 
         The largest distance of several neighbouring steps counts.
 
@@ -165,19 +170,21 @@ class Defect:
         self._left_out = sliding_window_view(padded, 2 * _NEIGHBOUR_STEPS + 1, axis=0).max(axis=2)
 
     def _along(self, shares: Any) -> Any:
-        """Return the errors (n, k, 3) at these shares of every step."""
+        """Return the estimated errors (n, k, 3) of the run at given shares of every step."""
         return self.errors[:-1, None] + self._steps[:, :, None] * (
             _integrals(shares, self._basis) @ self._rates
         )
 
     def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
-        """Return the run's numbers at wide times (k,), in the order of the run.
+        """Return the run's states, their estimated errors and the doubt about the errors, at given
+        times.
 
         Args:
-            times: (k,) wide times [s], monotonic along the run.
+            times: (k,) times [s] in the wide arithmetic, monotonic along the run.
 
         Returns:
-            Polynomials, errors, carried roundings and the error of the nodes, each (3, k).
+            The values of the polynomials, their errors, the carried roundings and the collocation
+            error, each (3, k).
         """
         counts = numpy.bincount(
             self._series.step_of(times.astype(float)), minlength=len(self._steps)
@@ -192,10 +199,12 @@ class Defect:
         return self._polynomial(since, counts), errors, roundings, left_out
 
     def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
-        """Return times (k,), errors and margins at the collocation nodes of all steps, in order.
+        """Return the run's states and their estimated errors at the collocation nodes of all steps,
+        in order.
 
-        The times come first, then polynomials, errors, carried roundings and the error of the
-        nodes, each (3, k).
+        Returns:
+            The times (k,). Then the values of the polynomials, their errors, the carried roundings
+            and the collocation error, each (3, k).
         """
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (
@@ -205,14 +214,15 @@ class Defect:
         return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
 
     def _margins(self) -> list[Any]:
-        """Return carried roundings and the error of the nodes, both (3, n).
+        """Return the two parts of the doubt about the errors in each step, both (3, n).
 
-        The larger of the two ends of each step counts.
+        They are the carried roundings and the collocation error. The larger of the two ends of each
+        step counts.
         """
         return [numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._left_out)]
 
     def rates(self, states: Any) -> Any:
-        """Return the field (3, k) at wide states (3, k).
+        """Return the rates of motion (3, k) at states (3, k), in the wide arithmetic.
 
         Args:
             states: (3, k) states in wide arithmetic.
@@ -220,10 +230,16 @@ class Defect:
         return numpy.stack(self._field(*states))
 
     def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:
-        """Return the polynomials or their derivatives at wide times since the steps' starts.
+        """Return the values of the steps' polynomials, or of their derivatives, in the wide
+        arithmetic.
 
-        The result is (3, n, k) for times (n, k) of all steps. For times (k,) it is (3, k), and
-        ``counts`` is the number of times in each step.
+        Args:
+            since: Times since the steps' starts [s]: (n, k) for all steps, or (k,).
+            counts: The number of the times (k,) in each step; None for times (n, k).
+            derivative: 1 for derivatives, 0 for values.
+
+        Returns:
+            An array (3, n, k) or (3, k).
         """
         terms = self._coefficients
         first = terms[: self._leading + derivative].astype(self._wide.type)
@@ -258,7 +274,9 @@ class Defect:
         )
 
     def _gained(self, rates: Any) -> Any:
-        """Return the integrals (n, 3, k) of the errors' rates over each step."""
+        """Return the integrals (n, 3, k) of the errors' rates over each step: the errors gained in
+        it.
+        """
         count, nodes, _, columns = rates.shape
         gained = self._weights @ rates.reshape(count, nodes, 3 * columns)
         return (self._steps * gained).reshape(count, 3, columns)
@@ -272,7 +290,10 @@ class Defect:
 
 
 def _matrices(rows: Any) -> Any:
-    """Return matrices (n, nodes, 3, 3) from three rows of three arrays."""
+    """Return the Jacobians (n, nodes, 3, 3) at the nodes of all steps, from rows of their entries.
+
+    ``rows`` are three rows of three arrays.
+    """
     matrices = numpy.empty((*rows[2][2].shape, 3, 3))
     for i, row in enumerate(rows):
         for j, entry in enumerate(row):
@@ -305,12 +326,12 @@ def _roundings(states: Any, moves: Any) -> Any:
 
 @lru_cache(maxsize=4)
 def _signs(count: int) -> Any:
-    """Return random signs (count, 3, draws), the same at every call."""
+    """Return an array of random signs (count, 3, draws), the same at every call."""
     return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _RANDOM_DRAWS))
 
 
 def _carried(carry: Any, start: Any, gained: Any) -> Any:
-    """Carry errors through all steps; return them at the start and after each step, (n + 1, 3, k).
+    """Add up errors along a run: return them at the start and after each step, (n + 1, 3, k).
 
     Each step multiplies the errors by its matrix ``carry`` and adds its own, ``gained``.
     """
@@ -331,7 +352,8 @@ def _gauss(nodes: int) -> tuple[Any, Any, Any]:
 
 
 def _integrals(shares: Any, basis: Any) -> Any:
-    """Return the integrals (k, nodes) of the basis from 0 to each of these shares of a step.
+    """Return the integrals (k, nodes) of the collocation's basis functions from 0 to each of these
+    shares of a step.
 
     It uses the discrete orthogonality on Gauss nodes and
 

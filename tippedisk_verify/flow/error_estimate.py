@@ -34,7 +34,9 @@ PLAIN_DIGITS = 12
 
 
 class _Method(NamedTuple):
-    """The arithmetic and the nodes with which the defect is evaluated, up to a number of digits."""
+    """A method of the error estimate: the arithmetic and the collocation nodes with which the
+    defect is evaluated, up to a number of digits.
+    """
 
     digits: int
     wide: Precision
@@ -59,7 +61,7 @@ EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide is EXT
 
 
 class _Limits(NamedTuple):
-    """The constants of the estimate, each with its reason."""
+    """The constants of the error estimate of a run, each with its reason."""
 
     #: A half-width is this multiple of the error left in a result. The additional quarter covers
     #: errors that the estimate shares with the result.
@@ -118,15 +120,20 @@ _LIMITS = _Limits()
 
 
 class Unresolved(ArithmeticError):
-    """The steps are too long for the nodes, or too many."""
+    """Raised if a run's steps are too long for the collocation nodes, or too many for
+    the memory.
+    """
 
 
 class NotInProportion(ArithmeticError):
-    """The error is too large, or an event too close to a mere touch, for a first-order estimate."""
+    """Raised if a first-order estimate of a run's error fails: the error is too large, or an event
+    is too close to a mere touch.
+    """
 
 
 def from_defect(request: Request, result: Result) -> Result | None:
-    """Return a result with half-widths, accurate to the digits that the request asks for.
+    """Return the result of a run with half-widths, from the run's defect, accurate to the digits
+    that the request asks for.
 
     Args:
         request: The run, in doubles.
@@ -154,12 +161,13 @@ def from_defect(request: Request, result: Result) -> Result | None:
 
 
 def _has(wide: Precision) -> bool:
-    """Return True if this machine has arrays of numbers in the arithmetic ``wide``."""
+    """Return True if this machine can compute with arrays of numbers of the precision ``wide``."""
     return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
 def _reached(digits: int, result: Result) -> bool:
-    """Return True if every half-width is at most a unit in the last of these digits.
+    """Return True if every half-width of a result is at most one unit in the last of ``digits``
+    digits.
 
     The digits count from the number itself, or from 1 if it is smaller.
     """
@@ -207,7 +215,7 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
 
 
 class _Crossing(NamedTuple):
-    """The crossing of an event's surface by the true motion."""
+    """A crossing of an event's surface by the true motion, corrected for the run's error."""
 
     record: EventRecord  #: in wide arithmetic
     time: Any  #: (1,) in wide arithmetic [s]
@@ -217,7 +225,7 @@ class _Crossing(NamedTuple):
 
 
 class _Run:
-    """A run in doubles, with the error that its defect has caused along it."""
+    """A run in doubles with its estimated error, from the defect of its polynomials."""
 
     def __init__(self, request: Request, result: Result, method: _Method) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
@@ -240,7 +248,12 @@ class _Run:
             self._share += _LIMITS.three_nodes
 
     def _resolved(self, fewer: int) -> bool:
-        """Return True if the steps are short enough for the nodes and their error bounds."""
+        """Return True if the run's steps are short enough for the method that estimates its error.
+
+        Args:
+            fewer: The number of collocation nodes of a second evaluation, which measures the error
+                of the first. 0 if only one evaluation is made; then stricter limits hold.
+        """
         defect = self._defect
         if fewer:
             return defect.fastest < _LIMITS.long_step and defect.growing < fewer
@@ -251,7 +264,8 @@ class _Run:
         )
 
     def _swept(self) -> float:
-        """Correct the errors to second order.
+        """Correct the estimated errors of the run to second order, by sweeps of deferred
+        correction.
 
         Returns:
             A bound of the error that is left, in carried roundings.
@@ -276,9 +290,14 @@ class _Run:
         raise NotInProportion
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
-        """Return the states at wide times (k,) and their half-widths, both (3, k).
+        """Return the run's states at given times and their half-widths, both (3, k).
 
-        Up to twelve digits, the last state is ``at_end``.
+        Up to twelve digits the states are those of the run in doubles. Beyond, their estimated
+        errors are added.
+
+        Args:
+            times: (k,) times [s] in the wide arithmetic; the last one is the run's end.
+            at_end: The last state of the run, which replaces the polynomial's up to twelve digits.
         """
         places, errors, left = self._at(times)
         # A time is rounded to the wide arithmetic.
@@ -291,16 +310,25 @@ class _Run:
         return values, self._half_widths(values, (places - values).astype(float) + errors, left)
 
     def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
-        """Return half-widths of values with error ``off``, uncertain by ``left``.
+        """Return half-widths of the run's values, from their estimated error and the doubt about
+        it.
 
-        Beyond twelve digits the error is removed, and only ``left`` and the last rounding count.
+        Up to twelve digits both count. Beyond, the error has been added to the values, so only the
+        doubt and the last rounding count.
+
+        Args:
+            values: The values.
+            off: Their estimated errors.
+            left: The uncertainty of these errors.
         """
         if self.uncorrected:
             return _LIMITS.margin * abs(off) + left
         return left + abs(values).astype(float) * float(self.wide.epsilon)
 
     def _at(self, times: Any) -> tuple[Any, Any, Any]:
-        """Return polynomials, errors and their uncertainty, (3, k) at wide times (k,)."""
+        """Return the states of the run's polynomials, their errors and the errors' uncertainty,
+        each (3, k), at times (k,) in the wide arithmetic.
+        """
         places, errors, roundings, nodes = self._defect.at(times)
         return places, errors, self._left(roundings, nodes)
 
@@ -308,7 +336,8 @@ class _Run:
         return self._share * roundings + DISTANCES * nodes
 
     def crossing(self, record: EventRecord) -> _Crossing:
-        """Compute where the true motion makes a recorded crossing, with half-widths.
+        """Compute where the true motion crosses an event's surface, with half-widths, from the
+        crossing that the run has recorded.
 
         Raises:
             NotInProportion: If the crossing is nearly a mere touch.
@@ -349,11 +378,13 @@ class _Run:
         )
 
     def _value(self, event: Event, states: Any) -> Any:
-        """Return an event's function at a wide state (3, 1)."""
+        """Return the value of an event's function at a state (3, 1), in the wide arithmetic."""
         return event.function(self._ops, self._constants, self._omega, *states[:, 0])
 
     def _rates(self, event: Event, states: Any) -> tuple[Any, float]:
-        """Return an event's gradient (3,) and rate in time at a wide state (3, 1)."""
+        """Return the gradient (3,) of an event's function and its rate in time, at a state (3, 1)
+        of the motion.
+        """
         gradient = self._gradient(event, states.astype(float))[:, 0]
         speed = float(gradient @ self._defect.rates(states)[:, 0].astype(float))
         if not speed:
@@ -370,12 +401,12 @@ class _Run:
         return numpy.stack(rows) / (2 * _LIMITS.difference)
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
-        """Return an event's function (k,) in doubles."""
+        """Return the values (k,) of an event's function at k states, in doubles."""
         constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
 
     def check_missed(self, last: Any, result: Result) -> None:
-        """Raise NotInProportion where errors decide whether an event is met at all.
+        """Raise NotInProportion if the run's errors decide whether an event is met at all.
 
         An event is in doubt in two cases. Its function is no larger than its error at a node or at
         the ``last`` time, which has an error of its own. Or the function comes close to zero
@@ -420,10 +451,11 @@ class _Run:
 
 
 def _touching(times: Any, values: Any, share: float) -> Any:
-    """Return the indices of values that, with their neighbours, suggest a touch of zero.
+    """Return the indices in a sequence of values at which it may touch zero between the values
+    without changing sign.
 
-    The three values have one sign, and the parabola through them has its extremum nearby. The
-    extremum lies below ``share`` of the larger neighbour.
+    Each such value and its two neighbours have one sign, and the parabola through them has its
+    extremum nearby. The extremum lies below ``share`` of the larger neighbour.
     """
     before, middle, after = values[:-2], values[1:-1], values[2:]
     left, right = times[1:-1] - times[:-2], times[2:] - times[1:-1]

@@ -39,7 +39,8 @@ _MAX_PASSES = 64  # the number of events passed next to the start
 
 
 class Series:
-    """The polynomials of a run's steps, in the time since each step's start.
+    """The continuous output of a run: a polynomial for each step, in the time since the step's
+    start.
 
     A call converts times (k,) [s] to states (k, 3), exact to rounding. Threads may share a series,
     whereas heyoka's own continuous output hands out memory that its next call overwrites.
@@ -64,11 +65,14 @@ class Series:
         )
 
     def __call__(self, times: Any) -> Any:
-        """Return the states (k, 3) at times (k,) [s]."""
+        """Return the states (k, 3) of the run at times (k,) [s]."""
         return self.values(times)[:, :3]
 
     def values(self, times: Any) -> Any:
-        """Return the values of all polynomials at times (k,) [s], a row for each time."""
+        """Return the values of all of the run's polynomials at times (k,) [s], a row for each time.
+
+        Besides the state there may be derivatives and the integral of the divergence.
+        """
         wanted = self._precision.sequence(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
@@ -78,7 +82,8 @@ class Series:
         return total.T.copy()
 
     def samples(self, request: Request, status: Status) -> Any:
-        """Return the values of all polynomials at the sample times that were reached.
+        """Return the values of all of the run's polynomials at those requested sample times that
+        the run has reached.
 
         A run that reached its end has them all, even if rounding puts the last one slightly later.
 
@@ -110,9 +115,12 @@ class Series:
 
 
 def _grid_of(request: Request, duration: Any) -> Any:
-    """Return a grid from 0 to the duration through a run's sample times, for heyoka to sample it.
+    """Return a grid of times from 0 to the duration, through a run's sample times, for heyoka to
+    sample.
 
-    None if the series of the steps are needed, or if the run may stop and go on at its start.
+    Returns None unless heyoka is to sample the run. That is a run in doubles with sample times and
+    a duration other than zero. It has no events, no continuous output and no error estimate by the
+    defect.
     """
     times = request.times
     if request.precision != DOUBLE or times is None or request.events or not duration:
@@ -125,7 +133,9 @@ def _grid_of(request: Request, duration: Any) -> Any:
 
 
 class CompiledStepper:
-    """A heyoka stepper for one kind of request, with the callbacks that record its events."""
+    """A compiled heyoka integrator for one kind of request, with the callbacks that record its
+    events.
+    """
 
     def __init__(
         self, request: Request, events: tuple[Event, ...], chosen: dict[str, Any], compact: bool
@@ -192,7 +202,7 @@ class CompiledStepper:
         self._built = (self.build,)
 
     def _ending_events(self) -> list[Any]:
-        """Return heyoka's terminal events.
+        """Return the events at which heyoka stops, as its terminal events.
 
         Those of the request come first, then those that change the friction law's branch.
         """
@@ -223,7 +233,9 @@ class CompiledStepper:
         return events
 
     def _passing_event(self, event: Event) -> Any:
-        """Return a heyoka event that records crossings of an event without ending the run."""
+        """Return heyoka's event that records crossings of an event's surface without ending the
+        run.
+        """
         name, records, owned = event.name, self._records, self.precision.owned
 
         def record(stepper: Any, when: Any, sign: int) -> None:
@@ -281,7 +293,9 @@ class CompiledStepper:
         return self._result(request, status, steps)
 
     def _set_parameters(self, request: Request, omega: Any) -> None:
-        """Set the runtime parameters, unless they are those of the previous run."""
+        """Set the speed and the disk's constants in the compiled code, unless they are those of the
+        run before.
+        """
         if (
             omega is not self._speed
             or request.parameters is not self._parameters
@@ -296,7 +310,7 @@ class CompiledStepper:
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
     def _rewind(self, state: Sequence[Any]) -> None:
-        """Put the stepper at a start at time 0, and clear all records."""
+        """Reset the stepper to a given start at time 0, and clear the records of the run before."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
@@ -309,9 +323,10 @@ class CompiledStepper:
             self._records.clear()
 
     def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
-        """Integrate until ``target`` [s] or the first terminal event.
+        """Integrate until the time ``target`` [s] or the first terminal event.
 
-        The series of the steps are kept if they are needed. With a grid, its states are.
+        The series of the steps are kept if they are needed. If the run has a grid of times, the
+        states there are kept.
 
         Returns:
             heyoka's outcome, the smallest step and the number of steps.
@@ -331,9 +346,10 @@ class CompiledStepper:
         return outcome, low, steps
 
     def _keeping(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
-        """Return a callback that appends the last step's series to ``kept``, unless it is there.
+        """Return a callback for heyoka that appends the series of the last step to ``kept``.
 
-        The callback returns True, so that the run continues.
+        A step that is there already is not appended again. The callback returns True, so that the
+        run continues.
         """
         rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
 
@@ -348,7 +364,11 @@ class CompiledStepper:
     def _integrated(
         self, start: Start, on: StartSurfaces, duration: Any, max_steps: int
     ) -> tuple[Any, Any, int]:
-        """Integrate until the final time or the first terminal event (see `_until`)."""
+        """Integrate from a start until the final time or the first terminal event, and return what
+        `_until` returns.
+
+        The start may lie on an event's surface.
+        """
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
         if self._two_sided and not ended and self._branch.lost:
@@ -361,7 +381,8 @@ class CompiledStepper:
     def _set_off(
         self, start: Start, on: StartSurfaces, duration: Any
     ) -> tuple[Any, Any, int] | None:
-        """Move off the surfaces of the start, past the crossings that are the start itself.
+        """Move a run that starts on an event's surface off this surface, without recording the
+        start as a crossing.
 
         Rounding decides whether heyoka sees a crossing at the start, so the run must not depend on
         it. Where a function is zero to the last bit, heyoka sees no other crossing of it in its
@@ -390,7 +411,8 @@ class CompiledStepper:
         return (outcome, low, 1) if ended or (self._two_sided and self._branch.ended) else None
 
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
-        """Move to a time close to the start by the first step's series.
+        """Move from the start to a ``target`` time close to it by the first step's series. Return
+        True if that is done.
 
         This passes all events of the start's surfaces. Many small steps from event to event would
         not work: their changes of an angle are lost in its rounding.
@@ -419,7 +441,8 @@ class CompiledStepper:
         return True
 
     def _index(self, outcome: Any) -> int | None:
-        """Return the index of the request's terminal event that ended the run, if any.
+        """Return the index of the request's terminal event that ended the run; None if no such
+        event did.
 
         heyoka numbers them -1, -2, ...
         """
@@ -432,7 +455,9 @@ class CompiledStepper:
         return index is not None and self._terminal[index].name in on.names
 
     def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
-        """Return the reason why a run did not reach its end, and record a terminal event."""
+        """Return the status of a run that did not reach its end, and record the terminal event if
+        there was one.
+        """
         if self._two_sided and self._branch.ended:
             return Status.EVENT
         index = self._index(outcome)

@@ -17,7 +17,8 @@ _MEMORY_LIMIT = 256 * 2**20  # bytes of compiled code that a process keeps
 
 @lru_cache(maxsize=1)
 def heyoka_module() -> ModuleType:
-    """Return heyoka, ready to compile.
+    """Import heyoka and return it, prepared for compiling: with its cache set up and its messages
+    switched off.
 
     Raises:
         ImportError: If heyoka cannot be imported.

@@ -59,7 +59,7 @@ class BatchResult(Printable):
 
 
 def field_constants(parameters: Parameters) -> Array:
-    """Return the field's constants in double as an array.
+    """Return a disk's constants in the equations of motion as an array of doubles.
 
     They are (r, e, a, b, g, k), or traction and epsilon instead of k under the smooth law.
 
@@ -75,7 +75,7 @@ _MAX_LANES = 64  # eight times the widest registers; compile time grows with the
 
 @undisturbed_methods
 class BatchTaylor:
-    """The engine for many runs, which keeps what it has compiled.
+    """The Taylor engine for many runs at once, which keeps what it has compiled.
 
     Threads may share an instance: a call waits until the integrator that it needs is free.
 
@@ -106,7 +106,7 @@ class BatchTaylor:
         events: tuple[Event, ...] = (),
         max_steps: int = 100_000,
     ) -> BatchResult:
-        """Integrate n runs.
+        """Integrate n motions at once.
 
         Args:
             constants: (k,) or (n, k), as `field_constants` gives them: six under the linear law.
@@ -157,7 +157,9 @@ class BatchTaylor:
         ops = _shifted(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
-            """Return True if a crossing is only a start, or a rest, on the surface."""
+            """Return True if a recorded crossing is not a true one: the run starts, or rests, on
+            the event's surface.
+            """
             if abs(when) > MAX_WINDOW and state != tuple(states[run]):
                 return False
             pars = [omegas[run].item(), *constants[run].tolist()]
@@ -178,7 +180,7 @@ class BatchTaylor:
 
 
 class _CompiledBatch:
-    """A heyoka batch integrator for one kind of request."""
+    """A compiled heyoka integrator for many runs of one kind at once."""
 
     def __init__(
         self,
@@ -288,7 +290,9 @@ class _CompiledBatch:
         )
 
     def _propagated(self, pars: Array, states: Any, durations: Array, max_steps: int) -> Any:
-        """Run all lanes and return a mask (width,) of the lanes that reached their end."""
+        """Integrate the runs in all lanes, and return a mask (width,) of the lanes that reached
+        their end.
+        """
         stepper = self._stepper
         stepper.set_time(0.0)
         stepper.pars[: len(pars)] = pars
@@ -319,9 +323,10 @@ class _CompiledBatch:
         return record
 
     def _changer(self, change: Callable[[Any, int, int], None], coinciding: Sequence[Event]) -> Any:
-        """Return a callback that calls ``change`` and records the coinciding events.
+        """Return a callback for heyoka that calls ``change`` and records the coinciding events.
 
-        It is a bare function, because heyoka copies all other callables.
+        ``change`` switches the friction law's branch in one lane. The callback is a bare function,
+        because heyoka copies all other callables.
         """
         crossings = self._crossings
 

@@ -34,7 +34,9 @@ ROUNDINGS = 64
 
 
 class Start(NamedTuple):
-    """The start of a run in one arithmetic, or of many runs as arrays, with the field at it."""
+    """The start of a run: state, speed, constants and friction law in one arithmetic, or of many
+    runs as arrays.
+    """
 
     ops: Ops
     constants: Constants
@@ -45,7 +47,7 @@ class Start(NamedTuple):
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
-        """Return the start of a request as numbers of one arithmetic.
+        """Convert the start of a requested run to numbers of one arithmetic.
 
         Args:
             request: The run.
@@ -57,7 +59,7 @@ class Start(NamedTuple):
         return cls(ops, constants, request.law, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
-        """Return the event's function at the start, or at another state.
+        """Return the value of an event's function at the run's start, or at another state.
 
         Args:
             event: The event.
@@ -68,7 +70,7 @@ class Start(NamedTuple):
         )
 
     def rates(self, state: Sequence[Any]) -> Sequence[Any]:
-        """Return the field at a state [rad/s, rad/s, rad/s^2].
+        """Return the rates of motion at a state [rad/s, rad/s, rad/s^2].
 
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
@@ -76,7 +78,7 @@ class Start(NamedTuple):
         return field(self.ops, self.constants, self.omega, self.law)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
-        """Return the state to which a state moves in a short time, to second order.
+        """Return the state that a motion reaches from a state after a short time, to second order.
 
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
@@ -86,7 +88,8 @@ class Start(NamedTuple):
         return [x + step * rate for x, rate in zip(state, self.rates(middle), strict=True)]
 
     def lies_on(self, event: Event, epsilon: float) -> bool:
-        """Return True if the event's function is zero at the start, up to its rounding.
+        """Return True if the run's start lies on an event's surface: the event's function is zero
+        there, up to rounding.
 
         Args:
             event: The event.
@@ -95,10 +98,11 @@ class Start(NamedTuple):
         return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
 
     def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
-        """Return how long a start on the event's surface lasts, and the function's value then.
+        """Return how long the orbit from a start on an event's surface stays on it to rounding, and
+        the event function's value after that time.
 
-        The start lasts until the function exceeds rounding. That takes longer where the orbit only
-        touches the surface. A crossing within this time is the start itself.
+        This takes longer where the orbit only touches the surface. A crossing within this time is
+        the start itself.
 
         Args:
             event: The event.
@@ -118,7 +122,7 @@ class Start(NamedTuple):
 
 
 class StartSurfaces(NamedTuple):
-    """The surfaces on which a start lies."""
+    """The surfaces on which a run's start lies: events whose functions are zero there."""
 
     names: tuple[str, ...]
     window: float = 0.0  #: the duration of its stay there [s]
@@ -129,7 +133,7 @@ NO_SURFACES = StartSurfaces(())
 
 
 def at_rest(request: Request) -> bool:
-    """Return True if the start is an equilibrium to the last bit.
+    """Return True if a run's start is an equilibrium to the last bit.
 
     Its event functions may vanish, but it crosses no surface.
 
@@ -143,7 +147,7 @@ def at_rest(request: Request) -> bool:
 
 
 def starts_on_a_surface(request: Request) -> bool:
-    """Return True if the start lies on an event's surface, up to rounding in its arithmetic.
+    """Return True if a run's start lies on an event's surface, up to rounding in its arithmetic.
 
     Args:
         request: The run.
@@ -153,10 +157,11 @@ def starts_on_a_surface(request: Request) -> bool:
 
 
 def surfaces(request: Request, start: Start) -> StartSurfaces:
-    """Return the surfaces on which the start of a run lies.
+    """Return the event surfaces on which the start of a run lies.
 
-    A start given by floats is rounded to a double in every arithmetic. sin(beta) = 0 counts only if
-    the domain is not checked; as the edge of the domain it always ends a run.
+    The surface of an event consists of the zeros of its function. A start given by floats is
+    rounded to a double in every arithmetic. sin(beta) = 0 counts only if the domain is not checked;
+    as the edge of the domain it always ends a run.
 
     Args:
         request: The run.

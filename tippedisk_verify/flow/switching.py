@@ -34,7 +34,10 @@ _MAX_RESIDUAL_SLIP = 1000  # the slip that may be left at a switch, in roundings
 
 
 class FrictionSign:
-    """The sign of gamma_y with which an integrator computes; it is the last runtime parameter."""
+    """The sign of gamma_y with which an integrator evaluates the smooth friction law.
+
+    The sign is the last runtime parameter of the compiled code.
+    """
 
     def __init__(
         self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]
@@ -50,7 +53,9 @@ class FrictionSign:
         self.looks_ahead = False  #: True if the motion a moment later decides at each switch
 
     def begin(self, start: Start) -> None:
-        """Set the branch for a run. If the start is on gamma_y = 0, look a moment ahead.
+        """Set the sign of gamma_y in the friction law for the start of a run.
+
+        If the start is on gamma_y = 0, the sign is that of a moment later.
 
         Args:
             start: The start of the run.
@@ -68,13 +73,16 @@ class FrictionSign:
             self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
 
     def turned(self) -> bool:
-        """Change the branch at sin(beta) = 0 and return True, so that the run continues."""
+        """Change the sign of gamma_y in the friction law where sin(beta) changes its sign.
+
+        Returns True, so that the run continues.
+        """
         self._upright = -self._upright
         self._set(self.side)
         return True
 
     def switched(self, sign: int, time: Any) -> bool:
-        """Set the branch at a crossing of gamma_y / sin(beta) = 0.
+        """Set the sign in the friction law at a crossing of gamma_y / sin(beta) = 0.
 
         Args:
             sign: The sign of the function's derivative in time.
@@ -112,10 +120,10 @@ class FrictionSign:
         return 1 if self._start.value(SLIDING_REVERSAL, self._start.ahead(state, step)) >= 0 else -1
 
     def _reported(self, sign: int, time: Any) -> bool:
-        """Record the crossing for the events that coincide with it.
+        """Record a crossing of gamma_y / sin(beta) = 0 for the run's events with the same surface.
 
         Returns:
-            True if one of them ends the run.
+            True if one of these events ends the run.
         """
         if self._from_surface and abs(time) <= self._window:
             return False  # the start itself
@@ -126,7 +134,9 @@ class FrictionSign:
 
     @property
     def lost(self) -> bool:
-        """True if the switches or the end show that the run was on the wrong branch for a while."""
+        """True if the run used the wrong sign of gamma_y for a while, as the switches or the end
+        show.
+        """
         # NaN is lost too.
         slip = float(self._start.value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_MAX_RESIDUAL_SLIP * self._epsilon
@@ -137,10 +147,15 @@ class FrictionSign:
 
 
 class FrictionSigns:
-    """The signs of gamma_y for every run of a batch, in the last row of the parameters."""
+    """The signs of gamma_y with which the runs of a batch evaluate the smooth friction law.
+
+    They are the last row of the runtime parameters.
+    """
 
     def begin(self, stepper: Any, start: Start) -> None:
-        """Set the branches. For starts on gamma_y = 0, look a moment ahead.
+        """Set the signs of gamma_y in the friction law for the starts of all runs.
+
+        For a start on gamma_y = 0, the sign is that of a moment later.
 
         Args:
             stepper: heyoka's batch integrator.
@@ -160,7 +175,8 @@ class FrictionSigns:
         stepper.pars[-1] = self._sides * self._upright
 
     def switched(self, stepper: Any, sign: int, lane: int) -> None:
-        """Set the branch of a lane in which gamma_y / sin(beta) has changed its sign.
+        """Set the sign in the friction law for a lane in which gamma_y / sin(beta) has changed its
+        sign.
 
         Args:
             stepper: heyoka's batch integrator.
@@ -174,7 +190,8 @@ class FrictionSigns:
         stepper.pars[-1, lane] = side * self._upright[lane]
 
     def turned(self, stepper: Any, sign: int, lane: int) -> None:
-        """Set the branch of a lane in which sin(beta) has changed its sign.
+        """Change the sign of gamma_y in the friction law for a lane in which sin(beta) has changed
+        its sign.
 
         Args:
             stepper: heyoka's batch integrator.
@@ -185,7 +202,7 @@ class FrictionSigns:
         stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
 
     def kept(self, stepper: Any) -> Any:
-        """Return a mask (n,) of the runs that were on the right branch all the time.
+        """Return a mask (n,) of the runs that used the right sign of gamma_y all the time.
 
         Args:
             stepper: heyoka's batch integrator at the end of the runs.

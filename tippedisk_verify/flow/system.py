@@ -50,7 +50,8 @@ _PATTERNS_PER_ROUND = 5
 
 
 def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
-    """Return the names of the runtime parameters of a law's field, in their order.
+    """Return the names of the runtime parameters of the compiled equations of motion under a
+    friction law, in their order.
 
     Args:
         law: The friction law.
@@ -59,7 +60,8 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
 
 
 def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
-    """Return the exact derivatives of the field's constants with respect to each input of a motion.
+    """Return the exact derivatives of the constants in the equations of motion with respect to each
+    input of a motion.
 
     The inputs are the start's beta, gamma and v, omega, and the disk's parameters. The constants
     a = A / m, b = B / m - e^2, k = mu g / epsilon and mu g depend on several of these. The start
@@ -96,7 +98,10 @@ def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]
 
 
 def constants_of(pars: Any, law: FrictionLaw) -> Constants:
-    """Return the constants among the runtime parameters by name; None for those not used.
+    """Return the disk's constants by name, from the runtime parameters of the compiled equations of
+    motion.
+
+    Constants that are not among the parameters are None.
 
     Args:
         pars: The runtime parameters or rows of them, in the order of `parameter_names`.

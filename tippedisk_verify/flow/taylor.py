@@ -34,7 +34,8 @@ _SURFACE_DIGITS = 20
 
 @undisturbed_methods
 class Taylor:
-    """The engine: Taylor series of the order that the tolerance requires, in any precision.
+    """The Taylor engine: it integrates by Taylor series of the order that the tolerance requires,
+    in any precision.
 
     Threads may share an instance: a run waits until the integrator that it needs is free. They are
     faster with one instance each (`flow.default_engine`). The tolerance belongs to the run: it is
@@ -73,12 +74,12 @@ class Taylor:
 
     @property
     def name(self) -> str:
-        """The name in results."""
+        """The name of this engine in results."""
         return "taylor"
 
     @property
     def measures_error(self) -> bool:
-        """True: results can have half-widths."""
+        """True: this engine can give half-widths of its results."""
         return True
 
     @property
@@ -87,7 +88,7 @@ class Taylor:
         return tuple(integrator.build for integrator in self._integrators.kept())
 
     def __call__(self, request: Request) -> Result:
-        """Integrate as requested.
+        """Integrate the motion that a request describes, by Taylor series.
 
         Args:
             request: The run.
@@ -124,7 +125,8 @@ class Taylor:
         return result
 
     def _with_error(self, request: Request, result: Result) -> Result:
-        """Return the result with half-widths, from its defect or else from a wider run.
+        """Return the result of a run with half-widths, from its defect or else from a run in wider
+        arithmetic.
 
         A run that stopped early gets no half-widths. Where doubles give none because the start lies
         on an event's surface up to rounding, the run is corrected in wider arithmetic.
@@ -149,7 +151,9 @@ class Taylor:
 
 
 def _outside(request: Request, result: Result) -> bool:
-    """Return True if the end or a sample has sin(beta) <= 0."""
+    """Return True if the end or a sample of a run has sin(beta) <= 0, where the model does not
+    hold.
+    """
     if not result.status.usable or result.status is Status.FLAT:
         return False
     samples = (

@@ -60,7 +60,7 @@ def numbers(values: Any) -> Any:
 
 
 def half_widths(values: Any) -> Array:
-    """Round half-widths to doubles.
+    """Round half-widths to doubles, none of them down to zero.
 
     A positive half-width that would round to zero becomes the smallest positive double.
 
@@ -75,10 +75,10 @@ def half_widths(values: Any) -> Array:
 
 
 def workable(values: Any) -> Any:
-    """Convert an array to objects unless it holds doubles or extended numbers; None stays None.
+    """Convert an array that NumPy's functions cannot handle to an array of objects.
 
-    Most functions of NumPy do not accept heyoka's arrays of quadruple numbers, and `numpy.save`
-    corrupts them.
+    Arrays of doubles or extended numbers and None are returned unchanged. Most functions of NumPy
+    do not accept heyoka's arrays of quadruple numbers, and `numpy.save` corrupts them.
 
     Args:
         values: An array, or None.
@@ -92,7 +92,8 @@ def workable(values: Any) -> Any:
 
 @undisturbed_methods
 class OnArrays:
-    """`field` or `jacobian` as a function ``f(t, y)`` in doubles, which can be pickled.
+    """The vector field of a disk, or its Jacobian, as a function ``f(t, y)`` in doubles that can be
+    pickled.
 
     ``y`` is a state (3,) or states (3, k): beta, gamma [rad] and v [rad/s].
 

@@ -33,7 +33,8 @@ __all__ = [
 
 @cache
 def _context(digits: int, rounding: str) -> Context:
-    """Return a decimal context in which every setting is explicit.
+    """Return a context of the `decimal` module with a number of digits and a rounding mode, in
+    which every setting is explicit.
 
     An omitted setting would come from `decimal.DefaultContext`, which any program can change. The
     exponents have the widest range, so that no number met here overflows.
@@ -63,7 +64,9 @@ def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[N
 
 
 def exact_text(value: Fraction) -> str:
-    """Return the exact number as a decimal, or as a ratio if its decimals never end."""
+    """Return the exact text of a rational number: a decimal, or a ratio if the decimals
+    never end.
+    """
     text, cut = exact_decimals(value)
     return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 

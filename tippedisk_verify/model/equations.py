@@ -43,7 +43,9 @@ Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
 
 class Ops(Protocol):
-    """A namespace with the functions of one kind of number."""
+    """A namespace with the functions of one kind of number, such as sin and cos of floats or of
+    mpmath numbers.
+    """
 
     def sin(self, angle: Any, /) -> Any: ...
 
@@ -74,7 +76,7 @@ def shifted(ops: Ops) -> Ops:
 
 
 def checked_speed(omega: object) -> Fraction:
-    """Return the speed Omega [rad/s] as an exact rational.
+    """Check a spinning speed that a user has given, and return it [rad/s] as an exact rational.
 
     Args:
         omega: A number or text that `exact` accepts.
@@ -120,7 +122,7 @@ def checked_speeds(omegas: object) -> list[Fraction]:
 
 
 class Terms(NamedTuple):
-    """The paper's quantities at one state, in SI units.
+    """The terms of the paper's equation of motion at one state, in SI units.
 
     They satisfy M v' - h = f_G + w_y lambda_Ty (Eq. 3DOF).
     """
@@ -135,7 +137,8 @@ class Terms(NamedTuple):
 
 
 def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
-    """Return M, h and its terms, f_G, w_y and gamma_y as the paper writes them.
+    """Return the terms of the equation of motion at a state as the paper writes them: M, h and its
+    terms, f_G, w_y and gamma_y.
 
     Args:
         ops: The functions of the kind of number.
@@ -167,7 +170,8 @@ def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: 
 def field(
     ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
 ) -> Field:
-    """Return the vector field ``(beta, gamma, v) -> (beta', gamma', v')`` (Eq. 3DOF).
+    """Return the vector field of the motion, a function ``(beta, gamma, v) -> (beta', gamma', v')``
+    (Eq. 3DOF).
 
     Its values are in rad/s, rad/s and rad/s^2. Terms that do not depend on the state are computed
     once, here.
@@ -221,7 +225,8 @@ def field(
 def jacobian(
     ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
 ) -> Callable[[Any, Any, Any], tuple[tuple[Any, Any, Any], ...]]:
-    """Return the function ``(beta, gamma, v) -> d(beta', gamma', v')/d(beta, gamma, v)``.
+    """Return the Jacobian of the motion's vector field, a function ``(beta, gamma, v) -> d(beta',
+    gamma', v')/d(beta, gamma, v)``.
 
     The rows of its value are tuples. It is differentiated by hand, and kept in one piece so that
     each line can be compared with the line of `field` that it differentiates. At gamma_y = 0 a law

@@ -80,7 +80,8 @@ class Exact:
     __rmul__ = __mul__
 
     def enclosed(self, working_bits: int) -> tuple[Fraction, Fraction]:
-        """Return rational lower and upper bounds of the number.
+        """Return rational lower and upper bounds of this exact number, which may contain a multiple
+        of pi.
 
         They are at most ``|pi_multiple| * 2**(1 - working_bits)`` apart.
 
@@ -94,7 +95,10 @@ class Exact:
         return min(ends), max(ends)
 
     def rounded(self, mantissa_bits: int) -> tuple[int, int]:
-        """Return ``(mantissa, exponent)`` of the nearest number with that many bits, ties to even.
+        """Return this exact number rounded to a floating-point number of so many bits, as
+        ``(mantissa, exponent)``.
+
+        Ties go to the even mantissa.
 
         Args:
             mantissa_bits: The bits of the mantissa.
@@ -111,7 +115,9 @@ class Exact:
 
 
 class Approximate:
-    """A number with a half-width (`model.measured`); used as an input, it means its value."""
+    """The base class of numbers with a half-width (`model.measured`); as an input such a number
+    means its value.
+    """
 
     __slots__ = ()
 
@@ -125,14 +131,15 @@ class Approximate:
 
 
 class Binary(NamedTuple):
-    """The number ``mantissa * 2**exponent``, both integers."""
+    """An exact floating-point number, ``mantissa * 2**exponent``, both integers."""
 
     mantissa: int
     exponent: int
 
 
 def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
-    """Return the number that an object stands for: the only place that decides what a number is.
+    """Convert an object of any kind to the real number that it stands for. This is the only place
+    that decides what a number is.
 
     Every speed, state, time, parameter and answer passes through it. An object is first checked for
     a unit, a mask and the like, then unwrapped, and its content is checked in turn.
@@ -277,7 +284,7 @@ def entries(values: object) -> list[Any]:
 
 
 def exact(value: object) -> Exact:
-    """Return the exact number that ``value`` means.
+    """Return the exact number that a number or text means.
 
     A number of any kind (`plain_number`) is accepted. Texts are decimals (``"0.435"``,
     ``"1e-30"``), ratios (``"1/3"``) and sums with multiples of pi (``"pi/2 + 0.4"``,
@@ -306,7 +313,7 @@ def exact(value: object) -> Exact:
 
 
 def fraction(value: object) -> Fraction:
-    """Return the rational number that ``value`` means.
+    """Convert a number or text to the exact rational number that it means.
 
     Args:
         value: A number of any kind, or a text.
@@ -337,7 +344,7 @@ def long_fraction(text: str) -> Fraction:
 
 
 def quotient(ctx: Any, value: Fraction) -> Any:
-    """Return a rational as a number of an mpmath context, by one division of integers.
+    """Convert a rational number to a number of an mpmath context, by one division of integers.
 
     Args:
         ctx: The mpmath context.
@@ -347,7 +354,8 @@ def quotient(ctx: Any, value: Fraction) -> Any:
 
 
 def whole(value: object, least: int, most: int) -> int | None:
-    """Return an integer of any kind as an int if ``least <= value <= most``; otherwise None.
+    """Convert an integer of any kind to an int if ``least <= value <= most``; return None for any
+    other object.
 
     Args:
         value: An object of any type.
@@ -363,7 +371,7 @@ def whole(value: object, least: int, most: int) -> int | None:
 
 
 def shown(value: object) -> str:
-    """Return the first forty characters of a value's text, on one line, for messages."""
+    """Return a value as text for a message: its first forty characters, on one line."""
     try:
         # `python -bb` refuses str() of these
         text = repr(value) if isinstance(value, bytes | bytearray) else str(value)
@@ -418,7 +426,9 @@ def _pi_bounds(working_bits: int) -> tuple[Fraction, Fraction]:
 
 @lru_cache(maxsize=256)
 def _round_with_pi(number: Exact, mantissa_bits: int) -> tuple[int, int]:
-    """Return the result of `Exact.rounded` for a number with a multiple of pi."""
+    """Round an exact number with a multiple of pi to so many bits, and return mantissa and
+    exponent.
+    """
     working = mantissa_bits + 64
     # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
     while True:
@@ -429,9 +439,10 @@ def _round_with_pi(number: Exact, mantissa_bits: int) -> tuple[int, int]:
 
 
 def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
-    """Return the nearest ``mantissa * 2**exponent``, ties to even.
+    """Round a rational number to a floating-point number ``mantissa * 2**exponent`` of so many
+    bits, and return both integers.
 
-    The mantissa is odd or zero, so the pair is unique.
+    Ties go to even. The mantissa is odd or zero, so the pair is unique.
     """
     from mpmath.libmp import from_rational, round_nearest
 

@@ -45,7 +45,8 @@ _IMAGINARY_STEP = (
 
 
 def _default_slope(c: Any) -> Any:
-    """Return the slope mu m g / epsilon [N s/m] of both of the paper's laws at zero.
+    """Return the slope mu m g / epsilon [N s/m] at zero sliding velocity that both of the paper's
+    friction laws have.
 
     Args:
         c: The parameters.
@@ -110,9 +111,11 @@ class FrictionLaw:
         object.__setattr__(self, "values", self.values_now())
 
     def values_now(self) -> tuple[Any, ...]:
-        """Return the force at some sliding velocities, with constants of value 1.
+        """Return the force of the friction law at some sliding velocities, with constants of value
+        1.
 
-        The tuple is empty if they cannot be computed. A disk refuses such a law.
+        Two such tuples show if the function has changed. The tuple is empty if the values cannot be
+        computed. A disk refuses such a law.
         """
         try:
             return tuple(self.force(math, velocity, _Recorder()) for velocity in _PROBES)
@@ -127,12 +130,14 @@ class FrictionLaw:
 
     @property
     def title(self) -> str:
-        """The law's name as used in a sentence."""
+        """The friction law's name as used in a sentence."""
         return self.name
 
     @property
     def constants(self) -> tuple[str, ...]:
-        """The names of the runtime parameters that this law adds to the compiled field."""
+        """The names of the runtime parameters that this friction law adds to the compiled equations
+        of motion.
+        """
         return (*constants_used(self.force), *_GUARD_CONSTANTS)
 
     def guard(self, ops: Any, gamma_y: Any, c: Any) -> Any:
@@ -177,7 +182,7 @@ class FrictionLaw:
         return sign * self.force(ops, sign * gamma_y, c)
 
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        """Return -lambda_Ty / m [m/s^2].
+        """Return the friction force per mass against the sliding, -lambda_Ty / m [m/s^2].
 
         Args:
             ops, gamma_y, c, side: As for a call.
@@ -214,7 +219,7 @@ class FrictionLaw:
     def resistance(
         self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
     ) -> Any:
-        """Return -w_y lambda_Ty / m [m^2/s^2], the friction term of the field.
+        """Return the friction term of the equation of motion, -w_y lambda_Ty / m [m^2/s^2].
 
         Args:
             ops, c, side: As for a call.
@@ -228,9 +233,10 @@ class FrictionLaw:
     def near_zero(
         self, parameters: Any, working_bits: int, order: int, side: Any, number: Callable[..., Any]
     ) -> FrictionLaw:
-        """Return a law whose deceleration is this one's Taylor polynomial at gamma_y = 0.
+        """Return a friction law whose deceleration is the Taylor polynomial of this law's at
+        gamma_y = 0.
 
-        Its argument may be a power series.
+        It accepts a power series as the sliding velocity.
 
         Args:
             parameters: The disk.
@@ -247,7 +253,9 @@ class FrictionLaw:
 
 
 class _Recorder:
-    """Constants of value 1 that record which of them a function reads."""
+    """A stand-in for a disk's parameters, all of value 1, that records which of them a function
+    reads.
+    """
 
     def __init__(self) -> None:
         self.names = {"m": None}  # every force is divided by the mass
@@ -262,7 +270,9 @@ class _Recorder:
 
 @lru_cache(maxsize=64)
 def constants_used(force: Callable[[Any, Any, Any], Any]) -> tuple[str, ...]:
-    """Return the names of the constants that a force reads, with m and without g."""
+    """Return the names of the parameters that a friction law's force reads, with m and
+    without g.
+    """
     recorder = _Recorder()
     force(math, 1.0, recorder)
     return tuple(recorder.names)
@@ -272,10 +282,11 @@ def constants_used(force: Callable[[Any, Any, Any], Any]) -> tuple[str, ...]:
 def _taylor_coefficients(
     law: FrictionLaw, parameters: Any, working_bits: int, order: int
 ) -> tuple[Fraction, ...]:
-    """Return the coefficients of gamma_y, gamma_y^2, ... in the deceleration, for positive gamma_y.
+    """Return Taylor coefficients of a friction law's deceleration at gamma_y = 0, for positive
+    gamma_y.
 
-    mpmath differentiates numerically, with as many bits as that needs. The coefficients of even
-    powers are zero for a law that is analytic at zero.
+    They belong to gamma_y, gamma_y^2, ... mpmath differentiates numerically, with as many bits as
+    that needs. The coefficients of even powers are zero for a law that is analytic at zero.
     """
     finest = Fraction(parameters.epsilon)  # the force varies on the scale of epsilon
     spare = 64 + max(0, finest.denominator.bit_length() - finest.numerator.bit_length())
@@ -289,7 +300,7 @@ def _taylor_coefficients(
 
 
 class _Linear(FrictionLaw):
-    """The linear law, Eq. lin_lambda_y_3DOF."""
+    """The paper's linear friction law, Eq. lin_lambda_y_3DOF."""
 
     is_linear = True
     has_guard = False
@@ -314,7 +325,7 @@ class _Linear(FrictionLaw):
 
 
 class _SmoothCoulomb(FrictionLaw):
-    """The smooth Coulomb law, Eq. lambda_y_3DOF."""
+    """The paper's smooth Coulomb friction law, Eq. lambda_y_3DOF."""
 
     has_guard = False
 
@@ -350,12 +361,19 @@ class _SmoothCoulomb(FrictionLaw):
 
 @dataclass(frozen=True)
 class _Polynomial(FrictionLaw):
-    """A law whose deceleration is a Taylor polynomial, for arguments that are power series."""
+    """A friction law whose deceleration is a Taylor polynomial, for sliding velocities that are
+    power series.
+    """
 
     terms: tuple[Any, ...] = ()  #: the coefficients of gamma_y, gamma_y^2, ...
 
     def _sum(self, terms: tuple[Any, ...], sliding: Any) -> Any:
-        """Return terms[0] + terms[1] sliding + ..., up to the degree that the series keeps."""
+        """Return the polynomial terms[0] + terms[1] sliding + ... of a power series, up to the
+        degree that the series keeps.
+
+        For a law without sides every other term is zero, and the polynomial is in the square of
+        ``sliding``.
+        """
         step = 1 if self.two_sided else 2
         *lower, total = terms[: sliding.degree : step]
         variable = sliding if self.two_sided else sliding * sliding
@@ -383,7 +401,7 @@ LAWS: dict[str, FrictionLaw] = {
 
 
 def law_of(friction: object) -> FrictionLaw:
-    """Return the `FrictionLaw` of a name; a law is returned unchanged.
+    """Return the friction law of a name; a `FrictionLaw` is returned unchanged.
 
     Args:
         friction: ``linear``, ``smooth`` or a `FrictionLaw`.

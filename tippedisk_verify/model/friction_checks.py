@@ -35,7 +35,8 @@ _MAX_MISFIT = 1e-13
 
 
 def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
-    """Raise InputError unless a law is odd, brakes, can be compiled, and has no narrow feature.
+    """Raise InputError unless a user's friction law is odd, brakes, can be compiled, and has no
+    narrow feature.
 
     Args:
         law: The law.
@@ -65,7 +66,8 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
 
 
 def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
-    """Raise InputError unless the force is odd, brakes, and has the slope that the law gives.
+    """Raise InputError unless a friction law's force is odd, brakes, and has the slope that the law
+    gives.
 
     Also refuse a force with a constant that is rounded to a double.
     """
@@ -101,7 +103,11 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
 
 
 def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> None:
-    """Raise InputError if the force varies much within a small part of the sliding velocity."""
+    """Raise InputError if a friction law's force varies much within a small part of the sliding
+    velocity.
+
+    A step of an integrator could pass such a feature.
+    """
     import numpy
     from numpy.polynomial import chebyshev
 
@@ -130,7 +136,9 @@ def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> 
 
 
 def _refuse_uncompilable(law: FrictionLaw, problem: str) -> None:
-    """Raise InputError unless the force can be written as an expression of heyoka's."""
+    """Raise InputError unless a friction law's force can be written as an expression of heyoka's,
+    to be compiled.
+    """
     hy = heyoka_types()
     values = {name: hy.par[index] for index, name in enumerate(FORCE_CONSTANTS)}
     try:

@@ -39,9 +39,10 @@ _SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this man
 
 
 def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, object], Measured]:
-    """Return a method that converts its second operand to a `Measured` and applies ``act``.
+    """Make a method of two numbers with half-widths accept any number as its second operand.
 
-    The method returns NotImplemented if the operand is not a number.
+    The returned method converts that operand to a `Measured` and applies ``act``. It returns
+    NotImplemented if the operand is not a number.
     """
 
     def operation(self: Bounded, other: object) -> Measured:
@@ -102,7 +103,7 @@ class Bounded(Approximate):
         )
 
     def __array__(self, dtype: Any = None, copy: bool | None = None) -> Any:
-        """Return the double nearest to the value as an array of no dimensions.
+        """Return the value as a NumPy array of no dimensions, rounded to a double.
 
         The half-width is dropped. An array of objects holds the number itself.
         """
@@ -138,11 +139,12 @@ class Bounded(Approximate):
             ) from fault
 
     def _ends(self) -> tuple[Fraction, Fraction]:
-        """Return the least and the greatest possible true value."""
+        """Return the least and the greatest true value that the half-width allows."""
         return self.value - self.uncertainty, self.value + self.uncertainty
 
     def _compared(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
-        """Return the result of a comparison that is the same for all possible true values.
+        """Compare with another number, if the result is the same for all true values that the
+        half-widths allow.
 
         Returns NotImplemented if the other operand is not a number.
 
@@ -179,7 +181,8 @@ class Bounded(Approximate):
     __ge__ = partialmethod(_compared, operator.ge)
 
     def _integer(self, rounding: Callable[[Fraction], int]) -> int:
-        """Return the rounded integer if it is the same for all possible true values.
+        """Round to an integer, if the result is the same for all true values that the half-width
+        allows.
 
         Raises:
             AccuracyError: If the half-width leaves the integer undecided.
@@ -197,7 +200,7 @@ class Bounded(Approximate):
     __ceil__ = partialmethod(_integer, math.ceil)
 
     def __round__(self, digits: int | None = None) -> Any:
-        """Round to ``digits`` decimals, or to an integer without them.
+        """Round the number to ``digits`` decimals, or to an integer without them.
 
         The change by rounding to decimals is added to the half-width.
         """
@@ -236,7 +239,7 @@ class Bounded(Approximate):
 
     @_of_two
     def __pow__(self, other: Measured) -> Measured:
-        """Return the number to a power.
+        """Return this number raised to a power, with a half-width.
 
         The number must be positive unless the exponent is an exact integer from -1000 to 1000.
         """
@@ -257,7 +260,8 @@ class Bounded(Approximate):
         return NotImplemented if theirs is None else theirs**self
 
     def _of(self, name: str) -> Measured:
-        """Return sqrt, log, exp, sin or cos of the number, selected by ``name``.
+        """Return a function of this number with a half-width: sqrt, log, exp, sin or cos, as
+        ``name`` tells.
 
         The result is as accurate as the half-width allows. For an exact number it has fifty digits.
         """
@@ -285,7 +289,7 @@ class Bounded(Approximate):
     cos = partialmethod(_of, "cos")
 
     def tan(self) -> Measured:
-        """Return the tangent.
+        """Return the tangent of this number, with a half-width.
 
         Raises:
             ZeroDivisionError: If the cosine may be zero.
@@ -293,7 +297,7 @@ class Bounded(Approximate):
         return self.sin() / self.cos()
 
     def log10(self) -> Measured:
-        """Return the decimal logarithm.
+        """Return the decimal logarithm of this number, with a half-width.
 
         Raises:
             InputError: If the number may be zero or negative.
@@ -302,7 +306,7 @@ class Bounded(Approximate):
 
 
 class HalfWidth(Fraction):
-    """A half-width: a rational whose formatted text is rounded up, so that it still holds.
+    """A half-width as a rational number whose formatted text is rounded up, so that it still holds.
 
     A number whose error was not measured has one beyond `_UNMEASURED`, which is shown as infinite.
     """
@@ -400,7 +404,7 @@ class Measured(Bounded):
         return self.uncertainty < _UNMEASURED
 
     def holds(self, truth: object) -> bool:
-        """Return True if ``truth`` lies within the half-width.
+        """Return True if a true value lies within this number's half-width.
 
         Args:
             truth: A number of any kind.
@@ -408,7 +412,7 @@ class Measured(Bounded):
         return abs(fraction(truth) - self.value) <= self.uncertainty
 
     def contains(self, other: Measured) -> bool:
-        """Return True if every possible value of ``other`` lies within the half-width.
+        """Return True if every value that ``other`` may have lies within this number's half-width.
 
         Args:
             other: Another number with a half-width.
@@ -416,7 +420,11 @@ class Measured(Bounded):
         return abs(other.value - self.value) + other.uncertainty <= self.uncertainty
 
     def decimals(self) -> tuple[str, str]:
-        """Return ``(value, uncertainty)`` as decimal strings."""
+        """Return value and half-width as decimal texts, ``(value, uncertainty)``.
+
+        They still hold the true value: the half-width includes the rounding of the value. It is
+        "infinite" if the error was not measured.
+        """
         if not self.uncertainty:
             return exact_decimals(self.value)
         if not self.is_measured:
@@ -430,7 +438,8 @@ class Measured(Bounded):
         return text, rounded_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str | None]:
-        """Return ``{"value": "<decimal>", "uncertainty": "<decimal>"}``.
+        """Return value and half-width as decimal texts, ``{"value": "<decimal>", "uncertainty":
+        "<decimal>"}``.
 
         The uncertainty of a number whose error was not measured is None, null in JSON.
         """
@@ -454,7 +463,8 @@ class Measured(Bounded):
 
 
 def _operand(other: object) -> Measured | None:
-    """Return the other operand as a `Measured`; None if it is not a number.
+    """Convert the second operand of an operation to a `Measured`; return None if it is not a
+    number.
 
     A number without a half-width is exact. Raises InputError for a float or Decimal that is not
     finite.
@@ -473,7 +483,8 @@ def _operand(other: object) -> Measured | None:
 
 
 def _enclosure(name: str, low: Fraction, high: Fraction, bits: int) -> tuple[Fraction, Fraction]:
-    """Return a lower and an upper bound of a function's values between ``low`` and ``high``.
+    """Return a lower and an upper bound of a function's values over the interval from ``low`` to
+    ``high``.
 
     The function, sqrt, log, exp, sin or cos, is evaluated in mpmath's interval arithmetic.
     """

@@ -49,7 +49,8 @@ _MIN_PARAMETER = Fraction(1, 10**30)  # SI; ratios and products of such paramete
 
 
 class Constants(NamedTuple):
-    """The parameters in one arithmetic, each rounded once from its exact value.
+    """The parameters of a disk as numbers of one arithmetic, each rounded once from its exact
+    value.
 
     Only mass ratios enter the acceleration, so the field uses ``a``, ``b``, ``k`` and ``traction``.
     """
@@ -112,7 +113,7 @@ class Parameters(Printable):
     )
 
     def _given(self) -> dict[str, Any]:
-        """Return the constructor's arguments by name."""
+        """Return the constructor's arguments of this disk by name."""
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -181,7 +182,8 @@ class Parameters(Printable):
         return self.B - self.m * self.e**2
 
     def at(self, precision: Precision) -> Constants:
-        """Return the parameters in ``precision``, each rounded once.
+        """Return the disk's parameters as numbers of the arithmetic ``precision``, each rounded
+        once.
 
         They are computed once and kept.
 
@@ -196,7 +198,7 @@ class Parameters(Printable):
         return constants
 
     def within(self, ctx: Any) -> Constants:
-        """Return the parameters as numbers of an mpmath context.
+        """Return the disk's parameters as numbers of an mpmath context.
 
         Args:
             ctx: The mpmath context.
@@ -205,7 +207,7 @@ class Parameters(Printable):
         return Constants(*(quotient(ctx, value) for value in rational))._replace(pi=+ctx.pi)
 
     def rational(self) -> Constants:
-        """Return the parameters as exact rationals, and pi as the exact number `PI`."""
+        """Return the disk's parameters as exact rationals, and pi as the exact number `PI`."""
         return Constants(
             *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),
             *(self.A / self.m, self.Bbar / self.m),
@@ -213,7 +215,8 @@ class Parameters(Printable):
         )
 
     def changed(self, **values: object) -> Parameters:
-        """Return a copy with some fields replaced, named ``custom`` unless a name is given.
+        """Return a copy of the disk with some parameters replaced, named ``custom`` unless a name
+        is given.
 
         Args:
             values: The new values by field name.
@@ -224,7 +227,7 @@ class Parameters(Printable):
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
     def with_friction(self, friction: Friction | FrictionLaw) -> Parameters:
-        """Return the same disk, with the same name, under this friction law.
+        """Return the same disk, with the same name, under another friction law.
 
         Args:
             friction: ``linear``, ``smooth`` or a `FrictionLaw`.
@@ -275,7 +278,7 @@ class Parameters(Printable):
         raise InputError(f"{what} for {laws} only, not for {law}")
 
     def decimals(self) -> dict[str, str]:
-        """Return the numbers by name, as decimal strings.
+        """Return the disk's parameters by name, as decimal strings.
 
         They are exact, except that a repeating decimal is cut after fifty digits.
         """
@@ -286,7 +289,9 @@ class Parameters(Printable):
         }
 
     def exact_texts(self) -> dict[str, str]:
-        """Return the numbers by name, as exact decimals, or as ratios if the decimals never end."""
+        """Return the disk's parameters by name, as exact decimals, or as ratios if the decimals
+        never end.
+        """
         return {
             name: exact_text(value)
             for name in _QUANTITIES
@@ -312,25 +317,24 @@ class Parameters(Printable):
         return content
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the numbers as decimal strings, with the name and the friction law."""
+        """Return the disk's parameters as decimal strings, with its name and friction law."""
         return {**self.decimals(), "name": self.name, "friction": str(self.friction)}
 
     def _title(self) -> str:
         return f"{type(self).__name__} {self.name} ({self.friction})"
 
     def __str__(self) -> str:
-        """Return a title with the name and the law, then a line for each number."""
+        """Return a title with the disk's name and friction law, then a line for each parameter."""
         return "\n".join([self._title(), *result_lines(self.decimals(), "  ")])
 
     @property
     def law(self) -> FrictionLaw:
-        """The friction law."""
+        """The friction law of the disk, as a `FrictionLaw`."""
         return law_of(self.friction)
 
     def definition(self) -> str:
-        """Return one text with the eight exact numbers of the equations and their units.
-
-        It identifies the disk to which a statement applies.
+        """Return a text that identifies the disk to which a statement applies: its eight exact
+        numbers with their units.
         """
         return ", ".join(
             f"{item.name} = {exact_text(getattr(self, item.name))} {item.metadata['unit']}".removesuffix(
@@ -342,7 +346,7 @@ class Parameters(Printable):
 
     @classmethod
     def named(cls, name_or_path: str | PathLike[str]) -> Parameters:
-        """Return a named set, or the set in a TOML file.
+        """Return the parameters of a named disk, or those in a TOML file.
 
         Args:
             name_or_path: A set's name; a text with a dot or a path separator is a path, as is a
@@ -406,9 +410,10 @@ _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
 
 
 def _file_name(path: Path) -> str:
-    """Return the file's name, with ``./`` in front if it has no dot.
+    """Return the name of a parameter file in a form that `Parameters.named` reads as a path, not as
+    a set's name.
 
-    `Parameters.named` then reads it as a path, not as a set's name.
+    A name without a dot gets ``./`` in front.
     """
     name = path.name.encode(errors="replace").decode()
     return name if "." in name else f"./{name}"

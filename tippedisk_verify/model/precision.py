@@ -56,7 +56,7 @@ FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", 
 
 @dataclass(frozen=True)
 class Precision:
-    """An arithmetic to compute in.
+    """An arithmetic to compute in: a kind of floating-point number and its bits.
 
     ``double`` has 53 bits (Python floats). ``extended`` has 64 bits (x87 long double, where the
     machine has it). ``quadruple`` has 113 bits. ``real`` is heyoka's MPFR numbers with any number
@@ -76,22 +76,26 @@ class Precision:
 
     @property
     def name(self) -> str:
-        """The name: ``double``, ``extended``, ``quadruple`` or, for example, ``real200``."""
+        """The name of this arithmetic: ``double``, ``extended``, ``quadruple`` or, for example,
+        ``real200``.
+        """
         return f"real{self.bits}" if self.kind == "real" else self.kind
 
     @cached_property
     def epsilon(self) -> Fraction:
-        """The distance from 1 to the next number, 2**(1 - bits)."""
+        """The distance from 1 to the next number in this precision, 2**(1 - bits)."""
         return Fraction(1, 1 << (self.bits - 1))
 
     @cached_property
     def digits(self) -> int:
-        """The number of decimal digits that the mantissa holds."""
+        """The number of decimal digits that the mantissa of this precision holds."""
         return int((self.bits - 1) * math.log10(2))
 
     @cached_property
     def type(self) -> Any:
-        """The scalar type: float, numpy.longdouble, heyoka.real128 or heyoka.real."""
+        """The scalar type of numbers in this precision: float, numpy.longdouble, heyoka.real128 or
+        heyoka.real.
+        """
         if self.kind == "double":
             return float
         if self.kind == "extended":
@@ -115,7 +119,7 @@ class Precision:
         )
 
     def _mpfr_functions(self) -> Any:
-        """Return functions of heyoka's MPFR numbers, computed by mpmath.
+        """Return a namespace of functions for heyoka's MPFR numbers, computed by mpmath.
 
         NumPy's functions would go through arrays, which leak memory. A result that is not a finite
         real number becomes NaN.
@@ -174,7 +178,8 @@ class Precision:
         return self._from_mantissa(*exact(number).rounded(self.bits))
 
     def array(self, values: Sequence[object]) -> Any:
-        """Return a one-dimensional array of the values, each rounded as `number` does.
+        """Return a sequence of numbers as a one-dimensional array of this precision, each rounded
+        as `number` does.
 
         MPFR numbers are stored as objects.
 
@@ -192,7 +197,7 @@ class Precision:
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
     def sequence(self, values: Any) -> Any:
-        """Convert any sequence as `array` does.
+        """Convert any sequence of numbers to an array of this precision, as `array` does.
 
         An array of this arithmetic is returned as it is, and one of doubles is converted exactly.
 
@@ -236,7 +241,7 @@ class Precision:
 
     @cached_property
     def _element(self) -> Any:
-        """The type of an array's elements."""
+        """The data type of the elements of an array of this precision."""
         return object if self.kind == "real" else self.type
 
     def mpf(self, value: object) -> Any:
@@ -286,7 +291,7 @@ QUADRUPLE = Precision("quadruple", 113)
 
 
 def bits(count: int) -> Precision:
-    """Return the MPFR arithmetic with ``count`` bits.
+    """Return the arithmetic of MPFR numbers with ``count`` bits.
 
     Args:
         count: The number of bits.
@@ -303,7 +308,7 @@ def bits(count: int) -> Precision:
 
 
 def precision_named(name: str) -> Precision:
-    """Return the arithmetic with this `Precision.name`.
+    """Return the arithmetic with a given name.
 
     Args:
         name: The name, such as ``double`` or ``real200``.
@@ -316,7 +321,7 @@ def precision_named(name: str) -> Precision:
 
 
 def precision_of(number: Any) -> Precision:
-    """Return the arithmetic of a native number.
+    """Return the arithmetic to which a floating-point number belongs.
 
     Args:
         number: A number as `Precision.number` returns it.
@@ -405,7 +410,7 @@ def heyoka_types() -> ModuleType:
 
 
 class _ThreadContexts(threading.local):
-    """The mpmath contexts of each thread, by their bits."""
+    """The mpmath contexts that each thread keeps, by their bits."""
 
     def __init__(self) -> None:
         self.context = lru_cache(maxsize=256)(_context)

@@ -39,7 +39,7 @@ _MAX_LIST_ENTRIES = 4  # a longer list is shown by its first and its last entry
 
 
 class QuantityMeaning(NamedTuple):
-    """The unit and the meaning of a quantity."""
+    """The unit of a quantity in a result, and its meaning in words."""
 
     unit: str  #: "1" for a pure number, "SI" for a unit that depends on a normalisation
     meaning: str
@@ -76,7 +76,7 @@ def quantity(meaning: str, unit: str) -> dict[str, QuantityMeaning]:
 
 
 def quantities(kind: type) -> dict[str, QuantityMeaning]:
-    """Return the quantities of a class of results, by name.
+    """Return the quantities that results of a class have, with their units and meanings, by name.
 
     Args:
         kind: The class.
@@ -87,7 +87,7 @@ def quantities(kind: type) -> dict[str, QuantityMeaning]:
 
 
 class Printable:
-    """The base of all results: each prints itself from the fields of its dataclass."""
+    """The base class of all results: each prints itself from the fields of its dataclass."""
 
     __slots__ = ()
 
@@ -243,9 +243,9 @@ def with_widths(values: Any, widths: Any) -> Any:
 
 
 def half_width_in_double(number: Measured) -> float:
-    """Return a half-width, as a double, for the value rounded to a double.
+    """Return the half-width of a number after its value has been rounded to a double.
 
-    It includes the rounding of the value and is itself rounded up.
+    It includes the rounding of the value and is itself rounded up, to a double.
 
     Args:
         number: A number with a half-width; without one, the result is infinite.
@@ -297,7 +297,7 @@ def heading(name: str) -> str:
 
 
 def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
-    """Yield a line for each number and sentence in data for JSON.
+    """Yield the lines in which a result is printed: one for each number and sentence in its data.
 
     The parts of a compound entry follow below its name.
 
@@ -343,7 +343,7 @@ def _cell(value: Any) -> str:
 
 
 def _brief(value: Any) -> Any:
-    """Shorten data for JSON for display.
+    """Shorten a result, as data for JSON, for display.
 
     A long list becomes a text with its length, first and last entry. Each row of a matrix becomes
     one text. Exact numbers lose their later digits.

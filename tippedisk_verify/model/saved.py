@@ -41,7 +41,7 @@ _INFINITE = "infinite"
 
 
 def saved_numbers(value: Any) -> Any:
-    """Convert numbers to the exact entries of a file, and lists and arrays to lists of entries.
+    """Convert numbers to exact texts for a saved file, and lists and arrays to lists of these.
 
     None stays None.
 
@@ -67,7 +67,7 @@ def saved_numbers(value: Any) -> Any:
 
 
 def number(entry: Any) -> Any:
-    """Convert an entry of a file back to a number.
+    """Convert an entry of a saved file back to the number that was saved.
 
     Args:
         entry: The entry, as `saved_numbers` returns it for one number.
@@ -88,7 +88,7 @@ def number(entry: Any) -> Any:
 def write_saved(
     path: str | PathLike[str], kind: str, disk: Parameters, entries: Mapping[str, Any]
 ) -> Path:
-    """Write a result to a file in this module's format. A failure leaves no incomplete file.
+    """Save a result to a JSON file. A failure leaves no incomplete file.
 
     Args:
         path: The file; its name ends in ".json".

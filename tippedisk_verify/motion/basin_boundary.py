@@ -41,9 +41,11 @@ _BETA_SECTION = Event("upright", SECTION.function)
 
 
 class BasinBoundary(Printable):
-    """The boundary at one speed, in double: two sheets, each a graph of beta over (gamma, v).
+    """The boundary between starts that keep standing and starts that lie flat, at one speed, in
+    double.
 
-    Starts between the sheets keep standing, the others lie flat.
+    It consists of two sheets, each a graph of beta over (gamma, v). Starts between the sheets keep
+    standing, the others lie flat.
 
     Args:
         parameters: The disk.
@@ -71,7 +73,7 @@ class BasinBoundary(Printable):
         self._turns = min(_MAX_TURNS, max(_MIN_TURNS, math.ceil(decay_turns)))
 
     def margin(self, state: Sequence[float]) -> Measured:
-        """Return the distance in beta [rad] of a state from the boundary.
+        """Return the distance in beta [rad] of a state from the basin boundary.
 
         It is positive if the disk keeps standing.
 
@@ -94,7 +96,7 @@ class BasinBoundary(Printable):
         return min(lean - lower, upper - lean, key=lambda margin: margin.value)
 
     def sheets(self, gamma: float, v: float) -> tuple[Measured, Measured]:
-        """Return beta [rad] on the lower and the upper sheet at (gamma, v).
+        """Return beta [rad] on the lower and the upper sheet of the basin boundary at (gamma, v).
 
         A sheet beyond the states in which the disk lies flat has beta = 0 or pi.
 
@@ -118,7 +120,8 @@ class BasinBoundary(Printable):
         return Measured(Fraction(root), width)
 
     def _root(self, gamma: float, v: float, turns: int, between: tuple[float, float]) -> float:
-        """Return beta [rad] in an interval where `_beyond` changes its sign.
+        """Return beta [rad] on a sheet of the basin boundary, found in an interval by the sign of
+        `_beyond`.
 
         The ends of the interval stand for states on either side of the sheet.
         """
@@ -134,7 +137,8 @@ class BasinBoundary(Printable):
         return float(brentq(beyond, *between, xtol=1e-15, rtol=1e-15))
 
     def _beyond(self, state: tuple[float, float, float], turns: int) -> float:
-        """Return an orbit's distance [rad] beyond the sheet of larger beta after some turns.
+        """Return the distance [rad] by which an orbit lies beyond the upper sheet of the basin
+        boundary, that of larger beta, after some turns of gamma.
 
         It is infinite if the disk lies flat on that side before. It is minus infinity if the disk
         comes upright or lies flat on the other side.

@@ -58,7 +58,7 @@ _Crossing = tuple[str, Sequence[float]]  # event and state
 
 @dataclass(frozen=True, repr=False)
 class Basins(Printable):
-    """The outcomes of many initial states."""
+    """The outcomes of many initial states with the same v: where each of them ends."""
 
     parameters: Parameters
     omega: Fraction  #: [rad/s]
@@ -69,7 +69,8 @@ class Basins(Printable):
     outcome: Any  #: (rows, columns) index into `OUTCOMES`
 
     def fractions(self) -> dict[str, tuple[float, float]]:
-        """Return for each outcome its share of the plane and two standard errors.
+        """Return the share of the initial states that has each outcome, with two standard errors,
+        by outcome.
 
         The error is that of unstratified sampling, which is an upper bound.
         """
@@ -91,7 +92,7 @@ class Basins(Printable):
         return [(beta, gamma, self.v, OUTCOMES[outcome]) for beta, gamma, outcome in states]
 
     def to_dict(self) -> dict[str, object]:
-        """Return speed, law, sizes and fractions as data for JSON."""
+        """Return the outcomes' shares with speed, friction law and sizes as data for JSON."""
         shares = self.fractions()
         return {
             "omega": exact_text(self.omega),
@@ -118,7 +119,7 @@ def basins(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> Basins:
-    """Run initial states and return the outcome of each.
+    """Integrate many random initial states and return the outcome of each: where it ends.
 
     Undecided states run on, up to eight times as long.
 
@@ -212,7 +213,8 @@ class Attractors:
         return cls(amplitude, lean, stable, max(_LAST_SECONDS, _LAST_PERIODS * period))
 
     def ending(self, crossings: Sequence[_Crossing]) -> str:
-        """Return the outcome of an orbit from its crossings.
+        """Return the outcome of an orbit, the attractor that it approaches, from its recorded
+        crossings.
 
         It depends on how |gamma - pi/2| at upright states, or |beta - pi/2|, has changed.
 
@@ -240,14 +242,17 @@ class Attractors:
 
 
 def _closer(before: float, after: float, cycle: float) -> bool:
-    """Return True if a section coordinate comes closer to the cycle's, or has arrived."""
+    """Return True if an orbit's coordinate on a section comes closer to that of a limit cycle from
+    one crossing to another, or has arrived.
+    """
     return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
 
 
 def classified_lanes(
     states: Any, parameters: Parameters, omega: Fraction, duration: float, attractors: Attractors
 ) -> Any:
-    """Return the outcomes of one portion of states, as indices into `OUTCOMES`.
+    """Integrate one portion of initial states and return their outcomes, as indices into
+    `OUTCOMES`.
 
     Args:
         states: (n, 3) beta, gamma [rad], v [rad/s].

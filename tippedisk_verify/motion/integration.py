@@ -137,7 +137,7 @@ def _rounded_even_times(length: Exact) -> Any:
 
 
 def _note(request: Request) -> str:
-    """Return a warning about the numbers, or an empty text.
+    """Return a warning about a motion's numbers for its message, or an empty text.
 
     It warns of numbers without half-widths, and of angles that may have been given in degrees.
     """
@@ -170,9 +170,8 @@ def _solution(
     asked: Any,
     variables: Sequence[str],
 ) -> Solution:
-    """Return the solution from an engine's result.
-
-    It holds the samples that were reached, the events, the end and the derivatives.
+    """Convert an engine's result to a `Solution`: samples that were reached, events, end and
+    derivatives.
     """
     precision = result.precision or request.precision
     error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
@@ -185,7 +184,9 @@ def _solution(
         )
 
     def moment(record: EventRecord) -> EventRecord:
-        """Return the record with its time counted from time 0, not from the start."""
+        """Return a copy of an event's record, with its time counted from time 0 in place of the
+        start.
+        """
         record = replace(record, state=workable(record.state))
         if start == exact(0):
             return record
@@ -267,7 +268,8 @@ def _derivatives(
     precision, error = result.precision or request.precision, result.error
 
     def chained(row: Mapping[Any, Fraction], values: Any, estimated: Any) -> tuple[Any, Any]:
-        """Return the derivative with respect to one variable, and its half-widths.
+        """Return the derivative of a motion with respect to one variable by the chain rule, and its
+        half-widths.
 
         It is the sum over the constants, along the last axis, of ``values`` times the factors of
         ``row``.

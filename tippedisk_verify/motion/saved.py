@@ -43,7 +43,7 @@ _RECORD = ("time", "state", "time_uncertainty", "uncertainty")
 
 
 def save_solution(solution: Solution, path: str | PathLike[str]) -> Path:
-    """Write a solution; see `Solution.save`."""
+    """Save a motion to a file; see `Solution.save`."""
     entries = {
         "status": solution.status.name.lower(),
         **{name: getattr(solution, name) for name in _TEXTS},
@@ -63,7 +63,8 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> Path:
 
 
 def _entry(values: Any, exact: Any = None) -> dict[str, Any] | None:
-    """Return a number or an array as data for JSON: its exact numbers, and its arithmetic's name.
+    """Convert a number or an array to data for a saved file: its exact numbers, and its
+    arithmetic's name.
 
     If ``exact`` is given, it is written in place of ``values``, which rounds it. None stays None.
     """
@@ -141,7 +142,9 @@ def _solution(disk: Parameters, entries: dict[str, Any]) -> Solution:
 
 
 def _values(entry: dict[str, Any] | None) -> Any:
-    """Return the number or the array of an entry; beyond extended numbers, an array of objects."""
+    """Convert an entry of a saved file back to a number or an array; beyond extended numbers, to an
+    array of objects.
+    """
     if entry is None:
         return None
     precision = precision_named(entry["arithmetic"])

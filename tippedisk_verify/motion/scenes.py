@@ -65,7 +65,9 @@ _AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "b
 
 @dataclass(frozen=True, repr=False)
 class Scene(Printable):
-    """One panel: its speed, relative to Omega_h or Omega_crit, and its special needs."""
+    """One panel of the paper's figures of orbits: its speed, relative to Omega_h or Omega_crit, and
+    its special needs.
+    """
 
     name: str
     base: Literal["Omega_h", "Omega_crit"]
@@ -110,7 +112,7 @@ SCENES: tuple[Scene, ...] = (
 
 
 def scene_named(name: str) -> Scene:
-    """Return the panel of that letter.
+    """Return the scene, a panel of the paper's figures of orbits, with a given letter.
 
     Args:
         name: The letter.
@@ -126,7 +128,7 @@ def scene_named(name: str) -> Scene:
 
 @dataclass(frozen=True, repr=False)
 class Ending(Printable):
-    """The attractor of an orbit, by the criterion of `classified`."""
+    """The attractor on which an orbit ends, by the criterion of `classified`."""
 
     kind: AttractorKind
     reason: str
@@ -138,7 +140,7 @@ class Ending(Printable):
     wells_passed: int | None = None
 
     def to_dict(self) -> dict[str, object]:
-        """Return the ending as data for JSON, without empty entries."""
+        """Return the attractor on which an orbit ends as data for JSON, without empty entries."""
         values = super().to_dict()
         values[_AMPLITUDES.get(self.kind, "amplitude")] = values.pop("amplitude")
         return {name: value for name, value in values.items() if value is not None}
@@ -146,7 +148,7 @@ class Ending(Printable):
 
 @dataclass(frozen=True)
 class Orbit:
-    """One trajectory of a panel."""
+    """One trajectory of a scene, with its attractor."""
 
     start: tuple[Exact, Exact, Exact]
     times: Any  #: (n,) [s]
@@ -157,7 +159,7 @@ class Orbit:
 
 @dataclass(frozen=True, repr=False)
 class Panel(Printable):
-    """A computed scene."""
+    """A computed scene of the paper's figures: its speed and its orbits."""
 
     scene: Scene
     parameters: Parameters  #: of the disk, with the friction law
@@ -168,7 +170,9 @@ class Panel(Printable):
     compiled: tuple[Build, ...]  #: the compiled integrators used
 
     def to_dict(self) -> dict[str, object]:
-        """Return speed, attractors and compiled integrators as data for JSON."""
+        """Return the scene's speed, its orbits' attractors and the compiled integrators as data for
+        JSON.
+        """
         relative = self.scene.base == "Omega_h"
         return {
             "omega": self.omega.to_dict(),
@@ -181,7 +185,7 @@ class Panel(Printable):
 def panel_of(
     scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
 ) -> Panel:
-    """Integrate a panel's orbits and determine their attractors.
+    """Integrate the orbits of a scene of the paper and determine their attractors.
 
     Args:
         scene: The panel.
@@ -281,7 +285,9 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
 
 
 def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
-    """Return the ending on a cycle of that kind if the amplitudes converge to one, or "undecided"."""
+    """Decide if an orbit ends on a cycle of that kind: return that ending if its amplitudes
+    converge, or "undecided".
+    """
     error = _CROSSING_ERROR
     changes = [after - before for before, after in pairwise(amplitudes)]
     # The rate is measured where changes exceed the amplitudes' own error; the last of these are
@@ -318,7 +324,7 @@ def _rate(changes: list[float]) -> float:
 
 
 def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
-    """Return the times [s] at which beta passes pi/2, and |gamma - pi/2| [rad] there.
+    """Return the times [s] at which an orbit passes beta = pi/2, and |gamma - pi/2| [rad] there.
 
     The angle counts in the well of gamma. The start is left out.
 
@@ -334,7 +340,8 @@ def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
 
 
 def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
-    """Return the times [s] at which gamma passes pi/2 modulo 2 pi, and |beta - pi/2| [rad] there.
+    """Return the times [s] at which an orbit passes gamma = pi/2 modulo 2 pi, and |beta - pi/2|
+    [rad] there.
 
     The start is left out.
 

@@ -47,7 +47,8 @@ class Derivative(NamedTuple):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Printable):
-    """A motion, as `scipy.integrate.solve_ivp` returns it, with a half-width for each number.
+    """A computed motion, with the attributes of a result of `scipy.integrate.solve_ivp` and a
+    half-width for each number.
 
     - ``t`` (n,) [s] are the requested times that were reached, rounded once. ``times`` are the
       exact ones.
@@ -149,7 +150,7 @@ class Solution(Printable):
         return result.dense
 
     def __call__(self, t: Any) -> Any:
-        """Return the state (3,) at a time, or the states (3, n) at times (n,).
+        """Return the motion's state (3,) at a time, or its states (3, n) at times (n,).
 
         They have the integrator's accuracy or the requested digits. The first call repeats the run
         with continuous output.
@@ -239,7 +240,8 @@ class Solution(Printable):
         return data_frame(dict(zip(names, (self.t, *self.y, *self.uncertainty), strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return times and states with half-widths, the end, the events and the derivatives.
+        """Return the motion as data for JSON: times and states with half-widths, the end, the
+        events and the derivatives.
 
         The command line prints this data as JSON.
         """
@@ -269,7 +271,9 @@ class Solution(Printable):
         }
 
     def _end_entries(self) -> dict[str, Any]:
-        """Return the end for JSON; the time is exact if the run reached it."""
+        """Return the end of the motion as data for JSON; the time is exact if the run reached its
+        final time.
+        """
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
             entries["t"] = {"value": decimal_time(self._final), "uncertainty": "0"}

@@ -65,7 +65,7 @@ class EvenTimes(Sequence[Exact]):
 
 
 def decimal_time(time: Exact) -> str:
-    """Return the exact time as a decimal, cut after fifty digits if it never ends."""
+    """Return an exact time as a decimal, cut after fifty digits if it never ends."""
     if not time.pi_multiple:
         return exact_decimals(time.rational)[0]
     low, high = time.enclosed(_CUT_BITS)
@@ -74,7 +74,7 @@ def decimal_time(time: Exact) -> str:
 
 
 def span_of(time: Any) -> tuple[Exact, Exact]:
-    """Return the start and the end of the run [s] from a duration or a pair.
+    """Convert a duration or a pair of times to the exact start and end of a run [s].
 
     Raises:
         InputError: If ``time`` is neither, or does not lie within 1e300 s of 0.

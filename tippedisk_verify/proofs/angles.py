@@ -23,14 +23,16 @@ INVERTED, NONINVERTED = 1, -1
 
 
 class Turned(NamedTuple):
-    """The angle ``quarters`` * pi/2 + ``offset`` [rad]."""
+    """An angle near a multiple of pi/2: ``quarters`` * pi/2 + ``offset`` [rad]."""
 
     quarters: int
     offset: Any = None
 
 
 class _TurnedOps:
-    """The ``ops`` of `model.equations` for `Turned` angles."""
+    """The sine and cosine of `Turned` angles, in the form (``ops``) that
+    `model.equations` needs.
+    """
 
     @staticmethod
     def sin(angle: Turned) -> Any:
@@ -56,8 +58,9 @@ def rates(
     friction: Friction = "linear",
     side: int | None = None,
 ) -> tuple[Any, Any, Any]:
-    """Return d/dt of (beta, gamma, v) at offsets from the equilibrium with ``around`` right angles
-    in gamma.
+    """Return the rates (beta', gamma', v') at a state given by its ``offsets`` from an equilibrium.
+
+    The equilibrium is beta = pi/2, gamma = ``around`` * pi/2, v = 0.
     """
     beta, gamma, v = offsets
     return field(OPS, constants, omega, friction, side)(Turned(1, beta), Turned(around, gamma), v)
@@ -70,9 +73,9 @@ def linearization(
     friction: Friction = "linear",
     side: int | None = None,
 ) -> tuple[tuple[Any, ...], ...]:
-    """Return the Jacobian at the equilibrium: exact for rational constants and speed, enclosed for
-    balls.
+    """Return the Jacobian of the equations of motion at an equilibrium.
 
-    ``side`` has the meaning of `model.equations.jacobian`.
+    It is exact for rational constants and speed, and enclosed for balls. The equilibrium is beta =
+    pi/2, gamma = ``around`` * pi/2, v = 0. ``side`` has the meaning of `model.equations.jacobian`.
     """
     return jacobian(OPS, constants, omega, friction, side)(Turned(1), Turned(around), 0)

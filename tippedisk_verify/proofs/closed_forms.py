@@ -84,7 +84,7 @@ _AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 @dataclass(frozen=True, repr=False)
 class ProvedEquilibrium(Printable):
-    """The eigenvalues and the stability of stationary spinning at one speed."""
+    """A proved result: the eigenvalues and the stability of an equilibrium at one speed."""
 
     _omitted = ("name",)
 
@@ -101,7 +101,7 @@ class ProvedEquilibrium(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedHopf(Printable):
-    """The Hopf point of inverted spinning.
+    """A proved result: the numbers of the Hopf point of inverted spinning.
 
     Units and definitions are those of `tippedisk_verify.theory.hopf.HopfPoint`.
     """
@@ -133,8 +133,8 @@ class ProvedHopf(Printable):
 
 @dataclass(frozen=True, repr=False)
 class ProvedStability(Printable):
-    """The linear stability at every speed (Theorem 1), with numbers at Omega_crit, for both
-    friction laws.
+    """A proved result: the linear stability at every speed (Theorem 1), with numbers at Omega_crit,
+    for both friction laws.
     """
 
     omega_crit: Measured = field(metadata=quantity("Eq. approx_omega_crit", "rad/s"))
@@ -163,7 +163,16 @@ def characteristic_polynomial(
 
 
 def exact_polynomial(constants: Constants, omega: Fraction, around: int) -> Any:
-    """Return the characteristic polynomial for rational numbers, as one of python-flint's."""
+    """Return the characteristic polynomial of an equilibrium, with exact rational coefficients.
+
+    Args:
+        constants: The disk's constants, rational numbers.
+        omega: The speed [rad/s].
+        around: The equilibrium's gamma in units of pi/2.
+
+    Returns:
+        The polynomial as a python-flint object (``fmpq_poly``).
+    """
     coefficients = (*reversed(characteristic_polynomial(constants, omega, around)), 1)
     return fmpq_poly(
         [fmpq(Fraction(part).numerator, Fraction(part).denominator) for part in coefficients]
@@ -243,9 +252,9 @@ def real_root(polynomial: tuple[Any, Any, Any], guess: Any) -> Any:
 
 
 def chi(constants: Any) -> Any:
-    """Return chi = A (r - 2 e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)) [kg m^3].
+    """Return chi [kg m^3], the constant of the one-harmonic amplitude law, in the paper's form.
 
-    The formula stands below Eq. Csol.
+    It is A (r - 2 e) - Bbar (2 r^2 + e (r + e)) / (2 (r + e)). The formula stands below Eq. Csol.
     """
     r, e, A, Bbar = constants.r, constants.e, constants.A, constants.Bbar
     return A * (r - 2 * e) - Bbar * (2 * (r * r) + e * (r + e)) / (2 * (r + e))
@@ -274,8 +283,8 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
 
 
 def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
-    """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit and cycles are born
-    below it.
+    """Raise InputError if speeds up to ``highest`` [rad/s] reach Omega_crit, for a disk whose limit
+    cycles are born below Omega_crit.
 
     If cycles are born above Omega_crit, a range that includes it may well be proved.
     """
@@ -322,9 +331,10 @@ def _hopf_statement(
 
 
 def _apart(roots: list[Eigenvalue]) -> bool:
-    """Return True for three roots whose rectangles are disjoint, even if doubled.
+    """Return True if there are three eigenvalues and the rectangles that enclose them are disjoint
+    even when doubled.
 
-    Printing widens them.
+    They are doubled because printing widens the rectangles.
     """
 
     def meet(a: Measured, b: Measured) -> bool:
@@ -335,15 +345,18 @@ def _apart(roots: list[Eigenvalue]) -> bool:
 
 
 def critical_speed_squared(constants: Constants) -> Any:
-    """Return Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq. approx_omega_crit), for numbers of
-    any kind.
+    """Return the square of the critical speed, Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq.
+    approx_omega_crit), for numbers of any kind.
     """
     reach = constants.r + constants.e
     return reach * reach * constants.g / (constants.r * constants.b)
 
 
 def check_linearization(constants: Constants) -> None:
-    """Check the formulas for a2, a1 and a0 and the theorem's hypotheses on the disk.
+    """Raise an error unless the stability theorem applies to a disk.
+
+    Checked are the theorem's hypotheses on the disk's constants, and its formulas for the
+    coefficients a2, a1, a0 of the characteristic polynomial.
 
     Raises InputError if the disk does not meet the hypotheses, ArithmeticError if the equations of
     motion have different coefficients.
@@ -358,11 +371,12 @@ def check_linearization(constants: Constants) -> None:
 
 @cache
 def _check_coefficients() -> None:
-    """Compare a2, a1 and a0 with the equations' Jacobians, as polynomials in all parameters and
-    Omega.
+    """Raise ArithmeticError unless the theorem's formulas for a2, a1 and a0 agree with the
+    Jacobians of the equations of motion.
 
-    The unit of length makes b = 1. With mu g = k epsilon the smooth law's Jacobian, from either
-    side of gamma_y = 0, is the linear law's.
+    They are compared as polynomials in all parameters and Omega. The unit of length makes b = 1.
+    With mu g = k epsilon the smooth law's Jacobian, from either side of gamma_y = 0, is the linear
+    law's.
     """
     ring = fmpq_mpoly_ctx.get(("r", "e", "g", "a", "k", "epsilon", "Omega"), Ordering.lex)
     r, e, g, a, k, epsilon, omega = ring.gens()
@@ -459,11 +473,11 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
 
 
 def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:
-    """Return C(q, q, qbar) at inverted spinning, from cubic Taylor coefficients along four
-    directions.
+    """Return C(q, q, qbar) at inverted spinning, where C is the trilinear third derivative of the
+    field and q is a complex vector.
 
-    With F(x) = C(x, x, x) / 6, F(q + w qbar) has the term w C(q, q, qbar) / 2; w = 1, -1, i, -i
-    isolate it.
+    It comes from cubic Taylor coefficients along four directions. With F(x) = C(x, x, x) / 6, F(q +
+    w qbar) has the term w C(q, q, qbar) / 2; w = 1, -1, i, -i isolate it.
     """
     total = [acb(0)] * 3
     for w in (acb(1), acb(0, 1), acb(-1), acb(0, -1)):
@@ -474,9 +488,10 @@ def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]
 
 
 def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
-    """Return the coefficients of s^3 of the three rates, at s times a complex direction.
+    """Return the third Taylor coefficients of the three rates along a line of states.
 
-    The directions start at inverted spinning.
+    The state is inverted spinning plus s times a complex ``direction``; the result has the
+    coefficients of s^3.
     """
     with series_length(4):
         line = [acb_series([0, part], prec=4) for part in direction]
@@ -485,7 +500,7 @@ def _along(constants: Constants, omega: Any, direction: list[Any]) -> list[Any]:
 
 def to_digits(compute: Callable[[], Mapping[str, Any]], digits: int) -> Mapping[str, Any]:
     """Call ``compute`` at growing precision until each of its balls has ``digits`` significant
-    digits, and return the balls.
+    digits, and return the balls by name.
 
     An exact zero may have the radius 0. Raises AccuracyError if eight times the digits do not
     suffice.

@@ -16,7 +16,7 @@ WIDER = 1 + Fraction(1, 2**20)
 
 
 def measured(x: Any) -> Measured:
-    """Return a ball as a `Measured` number: its exact midpoint and radius.
+    """Convert a ball to a `Measured` number: its exact midpoint and radius.
 
     Raises InputError if the ball is not finite.
     """

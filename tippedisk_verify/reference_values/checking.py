@@ -28,7 +28,9 @@ _DIGITS = 20  # of numbers from an integrator; the published values come from wi
 
 @dataclass(frozen=True, repr=False)
 class CheckReport(Printable):
-    """The result of a check: how much was checked, and a line for each fault."""
+    """The result of checking the reference data: how much was checked, and a line for
+    each fault.
+    """
 
     files: int
     numbers: int  #: stored in the files, in all readings
@@ -38,7 +40,7 @@ class CheckReport(Printable):
 
 @dataclass(frozen=True)
 class StoredItem:
-    """A question, and the stored numbers that answer it."""
+    """A question of the reference data, with the stored numbers that answer it."""
 
     item: Item
     quantities: tuple[Quantity, ...]
@@ -49,7 +51,7 @@ class StoredItem:
 
 
 def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
-    """Group a store's values by question.
+    """Group the reference values of a store by question.
 
     Args:
         store: The store.
@@ -79,7 +81,8 @@ def check(
     executor: Executor | None = None,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> CheckReport:
-    """Check a folder of reference data.
+    """Check a folder of reference data: its files, its columns, and a sample of its numbers by
+    computing them again.
 
     Args:
         folder: The folder.
@@ -119,7 +122,7 @@ def check(
 
 
 def _faults_in_rows(folder: Path, store: Store) -> list[str]:
-    """Return the faults of the rows of values.csv.
+    """Return the faults found in the rows of values.csv, the table of reference values.
 
     A fault is a derived column that does not follow from the others, or an interval that does not
     contain the proved enclosure.
@@ -152,7 +155,8 @@ def _chosen(entries: list[StoredItem], sample: int | None, seed: int) -> list[St
 
 
 def recomputed(entry: StoredItem) -> tuple[int, list[str]]:
-    """Compute a question again in each of its readings.
+    """Compute the answers to a question again in each of its readings, and compare them with the
+    stored ones.
 
     Returns:
         How many numbers were computed, and a line for each that excludes the stored one.

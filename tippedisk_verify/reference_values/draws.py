@@ -39,7 +39,7 @@ _RATIO = ("1.05", "1.12")
 
 @dataclass(frozen=True)
 class Draw:
-    """The decimals that a seed and a number determine.
+    """The decimals that a seed and a number determine, for a disk drawn at random.
 
     A decimal comes from the first twelve hexadecimal digits of the SHA-256 of ``SEED/NUMBER/NAME``.
     """
@@ -48,12 +48,12 @@ class Draw:
     number: int
 
     def share(self, name: str) -> Fraction:
-        """Return the rational number in [0, 1) that belongs to a name."""
+        """Return the random rational number in [0, 1) that belongs to a name."""
         text = f"{self.seed}/{self.number}/{name}"
         return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
 
     def between(self, name: str, low: object, high: object, places: int) -> str:
-        """Return the decimal that belongs to a name, between `low` and `high`.
+        """Return the random decimal between `low` and `high` that belongs to a name.
 
         It has at most `places` decimal places.
         """
@@ -63,7 +63,7 @@ class Draw:
 
 @lru_cache(maxsize=4096)
 def drawn_disk(seed: int, number: int) -> Disk:
-    """Return the disk that a seed and a number determine.
+    """Return the random disk that a seed and a number determine.
 
     Its limit cycles are born stable at Omega_crit, as the paper's are. Table 1 lies among these
     disks.
@@ -97,6 +97,8 @@ def disk_of(set_name: str) -> Disk:
 
 
 def decimal_text(value: Fraction, places: int) -> str:
-    """Return the nearest decimal with at most `places` decimal places, without an exponent."""
+    """Return a rational number rounded to at most `places` decimal places, as a text without an
+    exponent.
+    """
     with arithmetic(400):
         return format((Decimal(round(value * 10**places)) / Decimal(10) ** places).normalize(), "f")

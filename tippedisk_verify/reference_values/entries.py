@@ -38,7 +38,7 @@ KEPT = 50  #: significant digits of a stored number; Omega_h has more
 
 @dataclass(frozen=True)
 class Item:
-    """A question: a state to evaluate at, a cycle to find, ..."""
+    """A question of the reference data: a state to evaluate at, a cycle to find, ..."""
 
     id: str  #: ``set/friction/kind/name``
     inputs: Mapping[str, str]  #: other than the parameters: numbers as decimals, the rest as words
@@ -47,7 +47,7 @@ class Item:
 
     @property
     def set(self) -> str:
-        """The parameter set."""
+        """The parameter set, the first part of the question's id."""
         return self.id.split("/")[0]
 
     @property
@@ -63,7 +63,10 @@ class Item:
 
 @dataclass(frozen=True)
 class ExactItem:
-    """An item in one reading: its disk and inputs as exact numbers."""
+    """A question of the reference data in one reading: its disk and inputs as exact numbers.
+
+    The inputs are read as decimals, or as the doubles nearest to them.
+    """
 
     item: Item
     disk: Disk
@@ -71,13 +74,16 @@ class ExactItem:
 
 
 def as_doubles(disk: Disk) -> Disk:
-    """Return the disk whose parameters are the IEEE doubles nearest to those of `disk`."""
+    """Return a copy of a disk whose parameters are the IEEE doubles nearest to those of `disk`."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(disk, name))) for name in SYMBOLS}
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
 def case_of(item: Item, reading: Reading) -> ExactItem:
-    """Return an item's disk and inputs as exact numbers, in one reading."""
+    """Return the disk and the inputs of a question as exact numbers, in one reading.
+
+    A reading takes them as decimals, or as the doubles nearest to these.
+    """
     disk = replace(disk_of(item.set), friction="smooth" if item.friction == "smooth" else "linear")
     inputs: dict[str, Any] = {}
     for name, text in item.inputs.items():
@@ -91,18 +97,20 @@ def case_of(item: Item, reading: Reading) -> ExactItem:
 
 
 def trimmed(measured: Measured, digits: int) -> Measured:
-    """Round a number to ``digits`` significant digits; add the rounding error to its half-width."""
+    """Round a number with a half-width to ``digits`` significant digits; add the rounding error to
+    its half-width.
+    """
     size = abs(measured.value)
     places = len(str(size.denominator)) - len(str(size.numerator)) + digits
     return round(measured, places) if size else measured
 
 
 def disagreements(values: Values, others: Values) -> list[str]:
-    """Return a line for each quantity whose two intervals do not meet.
+    """Return a line for each quantity whose values from two computations exclude each other.
 
     Args:
-        values: Numbers by name.
-        others: Numbers by name; names that `values` lacks are ignored.
+        values: Numbers with half-widths by name.
+        others: Numbers with half-widths by name; names that `values` lacks are ignored.
     """
     return [
         f"{name}: {values[name]} and {other} exclude each other"

@@ -107,7 +107,9 @@ def _octave(rows: Sequence[Row], name: str) -> Iterator[str]:
 
 
 def _literals(row: Row) -> Iterator[tuple[str, str]]:
-    """Return each field's name with its value as a literal."""
+    """Return pairs of a field's name and its value, written as a literal of a programming language,
+    for a row of a test file.
+    """
     texts, numbers = row
     return zip(
         (*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True

@@ -42,7 +42,7 @@ _MAX_ENTRIES = 42 * MAX_STATES // STATES_PER_DISK  # the maximum on one sheet; a
 
 @lru_cache(maxsize=MAX_STATES // STATES_PER_DISK)
 def _items(set_name: str) -> tuple[Item, ...]:
-    """Return all questions of a drawn disk, easiest first."""
+    """Return all questions about a disk that was drawn at random, easiest first."""
     return tuple(_drawn_items(set_name))
 
 
@@ -53,7 +53,11 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
     crit = omega_crit(drawn_disk(draw.seed, draw.number), 40).value
 
     def near(name: str, below: str, above: str, places: int) -> str:
-        """Draw a speed by its relative distance from Omega_crit."""
+        """Draw a random speed by its relative distance from Omega_crit, as a decimal.
+
+        ``name`` is that of the draw, ``below`` and ``above`` are the bounds of the relative
+        distance, and ``places`` is the number of decimal places.
+        """
         return draw.between(
             name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places
         )
@@ -115,7 +119,7 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
 
 # ----------------------------------------------------------------------------------------- answers
 def blank_questions(states: int, seed: int) -> Store:
-    """Return questions without answers.
+    """Return fresh questions about disks drawn from a seed, without answers.
 
     Args:
         states: The number of states, from 1 to `MAX_STATES`. There are ten to a disk, with the
@@ -148,9 +152,10 @@ def blank_questions(states: int, seed: int) -> Store:
 
 
 def entries_of(prefix: str) -> str:
-    """Return the ids of the drawn entries that start with a prefix, as text with one id per line.
+    """Return the ids of the fresh questions that start with a prefix, as text with one id per line.
 
-    For the id of a quantity, return the id of the entry that the quantity belongs to.
+    The disk of a fresh question is drawn from a seed. For the id of a quantity, return the id of
+    the question that the quantity belongs to.
     """
     drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
     items = () if drawn is None else _items(drawn[0])
@@ -208,7 +213,8 @@ def _truths(item_id: str) -> tuple[Quantity, ...]:
 
 @lru_cache(maxsize=32)
 def _names(kind: str, friction: str) -> tuple[str, ...]:
-    """Return the names of the quantities that the published data contain for such an entry.
+    """Return the names of the quantities that are asked about a fresh entry of a kind and friction
+    law, as in the published data.
 
     For orbits, keep only those at the times of a drawn orbit.
     """

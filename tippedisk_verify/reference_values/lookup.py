@@ -84,7 +84,9 @@ def _near(asked: str) -> list[str]:
 
 
 def _with_drawn(prefix: str) -> Store:
-    """Return the stored values, and those of a drawn disk if `prefix` starts with its name."""
+    """Return the stored reference values, extended by those of a drawn disk if `prefix` starts with
+    the disk's name.
+    """
     if not prefix.startswith("fresh-"):
         return stored()
     from tippedisk_verify.reference_values.fresh import entries_of, with_fresh  # slow to import

@@ -89,7 +89,9 @@ def _damaged(folder: Path, fault: str) -> InputError:
 
 
 def faults_in_files(folder: Path) -> list[str]:
-    """Return a line for each file that is missing or changed, the manifest included."""
+    """Return a line for each file of the reference data that is missing or changed, the manifest
+    included.
+    """
     try:
         return _contents(folder, FILES)[1]
     except InputError as fault:
@@ -108,7 +110,7 @@ def _contents(folder: Path, names: Iterable[str]) -> tuple[dict[str, bytes], lis
 
 
 def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
-    """Read the manifest.
+    """Read the manifest of the reference data, which has a hash for each file.
 
     Returns:
         Its content, and a line if its own bytes do not match its hash.
@@ -129,12 +131,13 @@ def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
 
 
 def manifest_text(content: dict[str, Any]) -> str:
-    """Return the manifest's text: the content, followed by its hash."""
+    """Return the text of the manifest of the reference data: its content, followed by its hash."""
     return json.dumps({**content, "sha256": digest(content)}, indent=1) + "\n"
 
 
 def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
-    """Return the bytes of a file, compressed or not, after comparing them with their hash.
+    """Return the bytes of a file of the reference data, compressed or not, after comparing them
+    with their hash.
 
     Raises:
         ValueError: If it is missing, cannot be read, or its hash is not in the manifest. The

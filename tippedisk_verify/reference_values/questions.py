@@ -104,7 +104,7 @@ def placed(name: str, kind: str) -> tuple[str, dict[str, str]]:
 
 
 def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
-    """Return a question's fields by column, without the columns that do not apply.
+    """Return a question as texts by column, without the columns that do not apply.
 
     Args:
         parameters: The disk's parameters as decimals.
@@ -129,7 +129,7 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
 
 
 def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
-    """Return the size that an error is measured against.
+    """Return the size relative to which the error of an answer is measured.
 
     This is the size of the value. At level 1 it is the largest condition number if that is larger,
     because that is the size of the terms that cancelled. For angles, angular velocities and
@@ -145,13 +145,15 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
 
 @arithmetic()
 def slopes_of(quantity: Quantity) -> Decimal:
-    """Return the value's change per relative change of all inputs, each in its worse direction."""
+    """Return the largest change of a reference value per relative change of its inputs, if each
+    changes in its worse direction.
+    """
     return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
 
 
 @arithmetic()
 def needed(quantity: Quantity) -> float:
-    """Return the number of correct digits that an answer must have.
+    """Return the number of correct digits that an answer to a question must have.
 
     It is the level's number, or less if a change of the inputs by `TOLERANCES` spoils more digits.
     If doubles cannot tell the inputs apart, only programs with more digits are asked, and they need
@@ -166,7 +168,7 @@ def needed(quantity: Quantity) -> float:
 
 
 def table_row(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
-    """Return the quantity's row in values.csv.
+    """Return the row of a reference value in values.csv, by column.
 
     Args:
         parameters: The disk's parameters as decimals.

@@ -45,7 +45,7 @@ OPTIONAL = ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
 
 
 class Definition(NamedTuple):
-    """The level, unit and meaning of a quantity."""
+    """The level, unit and meaning of a quantity in the reference data."""
 
     level: int  #: of difficulty, from 1 to 10
     unit: str
@@ -70,7 +70,9 @@ def codebook() -> dict[str, dict[str, Definition]]:
 
 
 def definition_of(kind: str, quantity: str) -> Definition:
-    """Return the definition of a quantity; its name may include a place such as ``@0.5``."""
+    """Return the definition of a quantity in the reference data; its name may include a place such
+    as ``@0.5``.
+    """
     name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
     if name in of_kind:
         return of_kind[name]
@@ -109,7 +111,7 @@ class Quantity(Printable, Bounded):
     reading: Reading = "decimals"  #: the entry of `values` that it stands for as a number
 
     def read_from(self, reading: Reading) -> Quantity:
-        """Return the same quantity in another reading.
+        """Return the same reference value in another reading of its inputs.
 
         Args:
             reading: "decimals" takes the inputs exactly, "doubles" as the doubles nearest to them.
@@ -127,27 +129,29 @@ class Quantity(Printable, Bounded):
 
     @property
     def definition(self) -> str:
-        """The definition of the quantity, in a sentence."""
+        """The meaning of the reference value, in a sentence."""
         return definition_of(self.kind, self.name).meaning
 
     @property
     def parameters(self) -> Mapping[str, str]:
-        """The parameters r, e, m, A, B, g, mu and epsilon of its disk, as decimals [SI]."""
+        """The parameters r, e, m, A, B, g, mu and epsilon of the disk to which the reference value
+        belongs, as decimals [SI].
+        """
         decimals = disk_of(self.set).decimals()
         return MappingProxyType({symbol: decimals[symbol] for symbol in SYMBOLS})
 
     @property
     def value(self) -> Fraction:
-        """The value, exactly as its decimal is written."""
+        """The reference value, exactly as its decimal is written."""
         return Fraction(self.values[self.reading][0])
 
     @property
     def uncertainty(self) -> Fraction:
-        """The absolute half-width, exactly as its decimal is written."""
+        """The absolute half-width of the reference value, exactly as its decimal is written."""
         return HalfWidth(self.values[self.reading][1])
 
     def measured(self, reading: Reading | None = None) -> Measured:
-        """Return the value and half-width alone.
+        """Return a reference value and its half-width alone, without its inputs and grade.
 
         Args:
             reading: The reading; if None, the one that this quantity stands for.
@@ -184,11 +188,11 @@ class Quantity(Printable, Bounded):
         return type(self).__name__
 
     def __str__(self) -> str:
-        """Return the value with its half-width."""
+        """Return the reference value with its half-width as text."""
         return " ± ".join(self.values[self.reading])
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the quantity as data for JSON, with both readings."""
+        """Return the reference value as data for JSON, in both readings."""
         value, uncertainty = self.values["decimals"]
         entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
         entry |= {"value": value, "uncertainty": uncertainty}
@@ -215,12 +219,14 @@ _INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
 
 
 def optional_beside(id_: str) -> tuple[str, ...]:
-    """Return the ids of the optional quantities of a state, from the id of its M; () for others."""
+    """Return the ids of the optional quantities that may be asked about a state, from the id of the
+    state's M; () for other ids.
+    """
     return tuple(f"{id_[:-1]}{name}" for name in OPTIONAL) if id_.endswith("/M") else ()
 
 
 def _mass_of(id_: str) -> str:
-    """Return the id of M in the entry of an optional quantity."""
+    """Return the id of M (the mass term) at the state to which an optional quantity belongs."""
     return f"{id_.rsplit('/', 1)[0]}/M"
 
 
@@ -231,7 +237,7 @@ def is_optional(id_: object) -> bool:
 
 
 class Store(Mapping[str, Quantity]):
-    """The reference values by id, in order of difficulty.
+    """A store of the reference values by id, in order of difficulty.
 
     Optional quantities are computed when they are looked up; they are not iterated over.
 
@@ -257,19 +263,19 @@ class Store(Mapping[str, Quantity]):
 
     @classmethod
     def of(cls, quantities: Iterable[Quantity]) -> Store:
-        """Return a store of the given values."""
+        """Return a store that holds the given reference values."""
         store = cls.__new__(cls)
         store._quantities = {quantity.id: quantity for quantity in quantities}
         store._optional = {}
         return store
 
     def joined(self, other: Store) -> Store:
-        """Return a store of these values and those of another store."""
+        """Return a store of this store's reference values and those of another one."""
         return Store.of((*self.values(), *other.values()))
 
     @cached_property
     def parameters(self) -> dict[str, dict[str, str]]:
-        """The parameters of each set's disk, as decimals, by the name of the set.
+        """The parameters of the disks in the store, as decimals, by the name of the parameter set.
 
         Raises:
             InputError: If a set is neither named nor drawn.
@@ -290,7 +296,9 @@ class Store(Mapping[str, Quantity]):
         return self._optional[id_]
 
     def __contains__(self, id_: object) -> bool:
-        """Return True for the id of a value or an optional quantity, without computing it."""
+        """Return True if the store has a reference value or an optional quantity with this id,
+        without computing it.
+        """
         return (_mass_of(str(id_)) if is_optional(id_) else id_) in self._quantities
 
     def __iter__(self) -> Iterator[str]:
@@ -300,7 +308,7 @@ class Store(Mapping[str, Quantity]):
         return len(self._quantities)
 
     def matching(self, prefix: str) -> list[Quantity]:
-        """Return the values whose id starts with ``prefix``."""
+        """Return the reference values whose id starts with ``prefix``."""
         return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
 
 

@@ -79,7 +79,7 @@ Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
 def compute(case: ExactItem, digits: int) -> Values:
-    """Compute the numbers of a question.
+    """Compute the true numbers that answer a question of the reference data.
 
     Args:
         case: The question in one reading.
@@ -90,7 +90,8 @@ def compute(case: ExactItem, digits: int) -> Values:
 
 
 def compute_again(case: ExactItem, digits: int) -> Values:
-    """Compute the numbers of a question in another formulation, if there is one.
+    """Compute the true numbers that answer a question in a second formulation, if there is one, as
+    a check.
 
     Args:
         case: The question in one reading.
@@ -100,7 +101,8 @@ def compute_again(case: ExactItem, digits: int) -> Values:
 
 
 def condition(case: ExactItem, values: Values) -> Slopes:
-    """Return the change of each number per relative change of each parameter and input.
+    """Return how sensitive the answers to a question are: the change of each number per relative
+    change of each parameter and input.
 
     Args:
         case: The question in one reading.
@@ -115,7 +117,10 @@ def by_differences(
     plain: Callable[[ExactItem], Mapping[str, Any]],
     step: Fraction = _RELATIVE_STEP,
 ) -> Slopes:
-    """Return dq / (dp / p) for each quantity q and parameter or input p, by central differences.
+    """Return the change of each quantity per relative change of each parameter and input, by
+    central differences.
+
+    It is dq / (dp / p) for a quantity q and a parameter or input p.
 
     Args:
         case: The question in one reading.
@@ -157,7 +162,9 @@ def in_two(
 
 
 def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
-    """Return the disk's constants, then the named inputs, as numbers of an mpmath context."""
+    """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
+    context.
+    """
     return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
 
 
@@ -169,7 +176,7 @@ def as_quantity(
     grade: str = "single",
     methods: Mapping[str, str] | None = None,
 ) -> Quantity:
-    """Return computed numbers as a reference value.
+    """Return computed numbers and their sensitivities as a reference value.
 
     Args:
         item: The question.
@@ -199,7 +206,8 @@ def as_quantity(
 
 # ------------------------------------------------------------------------------------ closed forms
 def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str, Any]:
-    """Evaluate the paper's terms as printed, and the Jacobian.
+    """Compute the terms of the paper's equations as printed, and the Jacobian, at the state of a
+    question.
 
     With ``shift`` the calculation uses the angles minus pi/2.
     """
@@ -226,7 +234,9 @@ def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str
 
 
 def _optional(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Evaluate Bbar and the terms of h, by name."""
+    """Compute the optional quantities at the state of a question, Bbar and the terms of
+    h, by name.
+    """
     c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
     parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
@@ -259,7 +269,7 @@ def _equilibrium(case: ExactItem, digits: int) -> Values:
 
 
 def _eigenvalues(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Compute the eigenvalues of the full Jacobian by the QR algorithm."""
+    """Compute the eigenvalues of an equilibrium's full Jacobian by the QR algorithm, by name."""
     c, omega = _in(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
     rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
@@ -282,7 +292,9 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
 
 
 def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Evaluate the one-harmonic law in floating point."""
+    """Compute amplitude, frequency and period of the one-harmonic law in floating
+    point, by name.
+    """
     c, omega = _in(ctx, case, "Omega")
     square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])
     frequency = ctx.sqrt(frequency_squared)
@@ -290,7 +302,9 @@ def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
 
 
 def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Compute the slow manifold's orders and residuals, by recursion on truncated power series."""
+    """Compute the slow manifold's orders and residuals at a point by recursion on truncated power
+    series, by name.
+    """
     arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = (
         slow_manifold.orders(*arguments),
@@ -304,7 +318,7 @@ def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
 # ------------------------------------------------------------------------------------------ motion
 @dataclass(frozen=True)
 class PlainEngine:
-    """An engine at a fixed tolerance, without half-widths."""
+    """An engine that integrates at a fixed tolerance and gives no half-widths."""
 
     engine: Engine
     tolerance: float | None = None
@@ -325,7 +339,7 @@ class PlainEngine:
 def orbit(
     case: ExactItem, digits: int, *, shift: bool = False, engine: Engine | None = None
 ) -> Mapping[str, tuple[Any, Any]]:
-    """Integrate an orbit.
+    """Integrate the orbit of a question, and return its numbers with half-widths, by name.
 
     Args:
         case: The question in one reading.
@@ -376,7 +390,7 @@ def orbit(
 
 
 def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
-    """Return the numbers of an orbit in the paper's angles.
+    """Return the numbers of an orbit in the paper's angles, with half-widths, by name.
 
     Args:
         case: The question in one reading.
@@ -402,12 +416,16 @@ def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
 def _named(case: ExactItem, result: Any) -> Values:
-    """Return by name those numbers of a result that the data contain for its kind."""
+    """Return those numbers of a result that the reference data contain for this kind of question,
+    by name.
+    """
     return {name: getattr(result, name) for name in codebook()[case.item.kind]}
 
 
 def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
-    """Find a cycle's point on its section by shooting in double precision from known numbers."""
+    """Find the fixed point of a limit cycle on its section by shooting in double precision,
+    starting from known numbers.
+    """
     section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
     return shoot(
@@ -422,7 +440,7 @@ def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
 
 
 def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Values:
-    """Return Omega_h and the saddle's eigenvalues there.
+    """Compute Omega_h and the saddle's eigenvalues there, by name, as answers to a question.
 
     Args:
         case: The question in one reading.

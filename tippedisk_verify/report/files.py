@@ -22,7 +22,8 @@ def write_report(
     figures: Sequence[dict[str, Any]],
     formulas: dict[str, Any],
 ) -> None:
-    """Write the figures and their data, then the numbers, then the pages that show them.
+    """Write the report of an audit: the figures and their data, the numbers, then the pages that
+    show them.
 
     Args:
         folder: The output folder.

@@ -48,7 +48,7 @@ _SYMBOL = re.compile(
 def html_page(
     results: dict[str, Any], pictures: dict[str, dict[str, Any]], formulas: dict[str, Any]
 ) -> str:
-    """Return the HTML page.
+    """Return the report of an audit as an HTML page.
 
     Args:
         results: The content of results.json.
@@ -60,7 +60,9 @@ def html_page(
 
 
 def markdown_page(results: dict[str, Any]) -> str:
-    """Return the report in Markdown, with links to the figures as PNG files in the same folder."""
+    """Return the report of an audit in Markdown, with links to the figures as PNG files in the same
+    folder.
+    """
     return re.sub(r"\n{3,}", "\n\n", _page("page.md", results))
 
 
@@ -91,7 +93,9 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
 
 
 def _reason(fault: dict[str, Any]) -> str:
-    """Return a phrase that says why a claim, or a group of claims, does not follow."""
+    """Return a phrase for the report with the reason why a claim, or a group of claims, does not
+    follow.
+    """
     if fault["class"] == "follows-from":  # another claim, by its name, or a dropped term
         return f"Follows from {'dropping ' if ' ' in fault['cause'] else ''}{fault['cause']}"
     if fault["cause"] is None:  # a group of claims
@@ -111,7 +115,9 @@ def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
 
 
 def _alike(values: dict[str, Any]) -> bool:
-    """Return True if all sets have the same sentence, which is then shown once."""
+    """Return True if a claim's value is the same sentence for all parameter sets, which is then
+    shown once.
+    """
     sentences = list(values.values())
     return len(sentences) > 1 and all(
         isinstance(value, str) and value == sentences[0] for value in sentences

@@ -34,7 +34,8 @@ def shown(value: Measured | str) -> str:
 
 
 def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
-    """Return one entry of ``claims``, with the values for all audited sets.
+    """Return a claim and its outcome as one entry of ``claims`` in results.json, with the values
+    for all audited sets.
 
     Args:
         claim: The claim.
@@ -76,10 +77,10 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
 
 
 def verdict_words(entry: dict[str, Any]) -> str:
-    """Return the verdict of an entry of ``claims`` in words, for the terminal and the report.
+    """Return the verdict on a claim in words, for the terminal and the report.
 
-    If the sets differ, the words give the verdict on the user's own disk, or name the smaller group
-    of sets.
+    ``entry`` is the claim's entry in results.json. If the sets differ, the words give the verdict
+    on the user's own disk, or name the smaller group of sets.
     """
     if entry["verdict"] == "holds-for":
         selected, own = next(iter(entry["holds"].items()))
@@ -96,7 +97,7 @@ def verdict_words(entry: dict[str, Any]) -> str:
 
 
 def _fault(claim: Claim, finding: Finding) -> Fault | None:
-    """Return the reason why the claim does not follow, or None for any other verdict."""
+    """Return the reason why a claim does not follow, or None for any other verdict."""
     if finding.verdict is not Verdict.DOES_NOT_FOLLOW:
         return None
     return claim.fault or Fault("differs", "what is computed differs from what is printed", "")
@@ -121,7 +122,9 @@ def _command(order: AuditJob) -> str:
 
 
 def summary(findings: Findings) -> dict[str, Any]:
-    """Count the claims by verdict, group those that do not follow, and list failed own checks."""
+    """Return a summary of an audit: the claims counted by verdict, those that do not follow in
+    groups, and failed own checks.
+    """
     counts = {verdict.value: 0 for verdict in Verdict}
     for _, finding in findings:
         counts[finding.verdict.value] += 1
@@ -149,7 +152,7 @@ def summary(findings: Findings) -> dict[str, Any]:
 
 
 def totals(counts: dict[str, Any]) -> str:
-    """Return the counts of `summary` as a sentence."""
+    """Return a sentence with the numbers of claims by verdict, from the result of `summary`."""
 
     faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])
     verdicts = {
@@ -183,7 +186,7 @@ def results_json(
     figures: Sequence[dict[str, Any]] = (),
     run: dict[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the JSON object of the main job.
+    """Return the content of results.json, all results of an audit, as plain data.
 
     Args:
         order: The audit.
@@ -219,7 +222,7 @@ def results_json(
 
 
 def run_facts(began: float, tasks: int, kept: int) -> dict[str, Any]:
-    """Return the facts about this run alone: its end, its duration and its numbers of tasks.
+    """Return facts about one run of an audit: its end, its duration and its numbers of tasks.
 
     Args:
         began: The value of time.monotonic() at the start [s].

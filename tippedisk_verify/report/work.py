@@ -26,7 +26,7 @@ _TICK = 0.2  # s between two updates of the progress
 
 @dataclass(frozen=True)
 class AuditJob:
-    """An audit: the disk, the digits and the names of the claims."""
+    """The description of an audit: the disk, the digits and the names of the claims."""
 
     parameters: Parameters
     digits: int
@@ -35,7 +35,9 @@ class AuditJob:
 
 @dataclass(frozen=True)
 class Task:
-    """A task: one claim, one figure, or the formulas of all claims."""
+    """A part of an audit that is computed and stored alone: one claim, one figure, or the formulas
+    of all claims.
+    """
 
     kind: Literal["claim", "figure", "formulas"]
     name: str
@@ -43,14 +45,14 @@ class Task:
 
 @dataclass(frozen=True)
 class AuditRecords:
-    """The results of the tasks as plain data."""
+    """The results of all tasks of an audit, as plain data."""
 
     records: dict[Task, Any]
     kept: frozenset[Task]  #: the tasks whose results were reused from an earlier run
 
 
 def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
-    """Return the tasks of an audit.
+    """Return the list of tasks of which an audit consists.
 
     Args:
         order: The audit.
@@ -100,7 +102,7 @@ def _exhibit(name: str) -> Any:
 
 @lru_cache(maxsize=1)
 def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
-    """Return the audit that all tasks of this process share.
+    """Return the `Audit` object that all tasks of this process share, which computes claims.
 
     It computes connections, families and panels once. ``name`` is part of the cache's key, because
     equal disks may have different names.
@@ -113,7 +115,7 @@ def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
 
 
 def run_task(order: AuditJob, task: Task) -> Any:
-    """Compute a task and return its result as plain data."""
+    """Compute one task of an audit and return its result as plain data."""
     if task.kind == "formulas":
         from tippedisk_verify.figures.formula import formulas_drawn
 
@@ -134,7 +136,7 @@ def run(
     pool: Callable[[int], AbstractContextManager[Executor | None]],
     advance: Callable[[str, int], None],
 ) -> AuditRecords:
-    """Compute all tasks, or reuse their earlier results.
+    """Compute all tasks of an audit, or reuse their earlier results.
 
     Args:
         order: The audit.
@@ -178,7 +180,9 @@ def run(
 
 
 def _light(task: Task) -> bool:
-    """Return True for a claim with closed forms, which takes less time than starting a process."""
+    """Return True if a task is a claim with closed forms, which takes less time than starting a
+    process.
+    """
     return task.kind == "claim" and group_of(task.name) == next(iter(GROUPS))
 
 
@@ -210,7 +214,8 @@ def _there(
     keep: Callable[[Task, Any], None],
     advance: Callable[[str, int], None],
 ) -> None:
-    """Compute the heavy tasks on the executor, and meanwhile the light ones in this process.
+    """Compute the heavy tasks of an audit on the executor, and meanwhile the light ones in this
+    process.
 
     Each result goes to ``keep``. Tasks of a broken executor are computed here.
     """

@@ -30,5 +30,7 @@ def cases_named(names: tuple[str, ...], quick: bool = False) -> list[StressCase]
 
 
 def outcome_of(name: str) -> StressResult:
-    """Run the case with this name. A name, unlike a case, can be sent to another process."""
+    """Run the stress case with this name and return its result. A name, unlike a case, can be sent
+    to another process.
+    """
     return StressResult.of(_BY_NAME[name])

@@ -32,7 +32,7 @@ _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 @dataclass(frozen=True)
 class Found:
-    """The outcome of a case: correct digits, a status, or an error."""
+    """The outcome of running a stress case: correct digits, a status, or an error."""
 
     outcome: str  #: "digits", or the name of the status or error
     digits: float | None = None  #: correct digits of the worst number; None without a number
@@ -42,7 +42,7 @@ class Found:
 
 @dataclass(frozen=True)
 class StressCase:
-    """A case: a computation, and the outcomes that pass."""
+    """A stress test: a computation under hard conditions, and the outcomes that pass."""
 
     name: str
     says: str  #: a description of it
@@ -52,7 +52,7 @@ class StressCase:
     quick: bool = True  #: False if it takes more than some seconds
 
     def expected(self) -> str:
-        """Return the required outcome in words."""
+        """Return the outcome that a stress case must have, in words."""
         texts = [
             f"{self.least:g} digits or more" if name == "digits" else name for name in self.may
         ]
@@ -61,7 +61,7 @@ class StressCase:
 
 @dataclass(frozen=True)
 class StressResult:
-    """The result of running a case: its outcome and the verdict on it."""
+    """The result of running a stress case: its outcome and the verdict on it."""
 
     name: str
     says: str
@@ -76,7 +76,7 @@ class StressResult:
 
     @classmethod
     def of(cls, case: StressCase) -> StressResult:
-        """Run a case.
+        """Run a stress case and return its result.
 
         An unexpected exception is an outcome too, one that never passes.
         """
@@ -130,12 +130,11 @@ def _log10(ratio: Fraction) -> float:
 
 
 def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> Found:
-    """Compare a run in double precision and its error estimate with the same run in higher
-    precision.
+    """Run an integration in double precision and in a higher precision, and compare. Return the
+    outcome: the correct digits, and if the half-widths are honest.
 
     Digits are relative to the largest component, or to 1 if that is larger. If the estimate is
-    infinite or leaves no digit, the outcome says so. That outcome is honest unless the status is
-    wrong.
+    infinite or leaves no digit, this is the outcome, which is honest unless the status is wrong.
 
     Args:
         request: The run.
@@ -156,7 +155,9 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
 
 
 def against(mine: Result, sharp: Result) -> Found:
-    """Compare a result and its claimed half-widths with the same run in higher precision."""
+    """Compare a result and its half-widths with the same run in higher precision, and return the
+    outcome.
+    """
     error = mine.error
     assert error is not None
     pairs = list(zip(mine.state, sharp.state, error.state, strict=True))
@@ -182,8 +183,9 @@ def against(mine: Result, sharp: Result) -> Found:
 
 
 def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
-    """Compare the numbers of two results. The outcome is honest if the intervals of each pair
-    overlap.
+    """Compare the numbers of two results, and return the outcome: the digits in which they agree.
+
+    It is honest if the intervals of each pair overlap.
 
     Args:
         mine: The result to judge.

@@ -111,9 +111,9 @@ def _underflow() -> Found:
 
 
 def _subcritical() -> Parameters:
-    """Return a disk with A / Bbar = 1.02, below the limit of 1.036.
+    """Return a disk whose limit cycles are born above Omega_crit, unstable.
 
-    Its cycles are born above Omega_crit, unstable.
+    It has A / Bbar = 1.02, below the limit of 1.036.
     """
     return PRINTED.changed(A=PRINTED.Bbar * Fraction(102, 100))
 

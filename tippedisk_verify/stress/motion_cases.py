@@ -36,7 +36,9 @@ def _run(
     omega: Any = _OMEGA,
     **more: Any,
 ) -> Any:
-    """Return a case's action: a run in double precision, compared with 60 digits or ``truth``."""
+    """Return the action of a stress case: an integration in double precision, compared with 60
+    digits or ``truth``.
+    """
     engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
     request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
     return partial(flown, request, **engine_options)
@@ -47,12 +49,16 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
 
 
 def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
-    """Return an action that makes the parameters only when it runs, so their refusal is an outcome."""
+    """Return the action of a stress case that makes the disk's parameters only when it runs, so
+    their refusal is an outcome.
+    """
     return lambda: _run(duration, make(), **more)()
 
 
 def _thin(share: str) -> Callable[[], Parameters]:
-    """Return a function that makes a disk with e = r (1 - share), with inertias of a possible body."""
+    """Return a function that makes a disk with an eccentricity close to its radius, e = r (1 -
+    share), and with inertias of a possible body.
+    """
 
     def make() -> Parameters:
         e = PRINTED.r * (1 - Fraction(share))
@@ -191,7 +197,7 @@ def _stable_manifold() -> Found:
 
 
 def _backward_cases() -> list[StressCase]:
-    """Return cases that run backward from the limit cycle.
+    """Return stress cases that integrate backward in time from the limit cycle.
 
     Errors grow by about e^(100 t) there, so after 0.5 s hardly a digit is left, and this must be
     reported. Whether a digit is left depends on the last bits of the start: on their distance from
@@ -292,7 +298,9 @@ def _event_cases() -> list[StressCase]:
 
 
 def _tolerance_cases() -> list[StressCase]:
-    """Return cases at several tolerances; the error estimate must hold at each."""
+    """Return stress cases that integrate at several tolerances; the error estimate must hold at
+    each.
+    """
     cases = []
     for tolerance, least in (
         (0.1, 0.5),

@@ -109,7 +109,7 @@ _ANALYSES: dict[
 
 # ------------------------------------------------------------------------------------------ points
 def axis(text: str) -> tuple[str, tuple[str, ...]]:
-    """Parse an axis of a sweep.
+    """Parse the text of one axis of a sweep: a parameter's name and its values.
 
     Args:
         text: ``name=first:last:count`` or ``name=value,value,...``.
@@ -148,7 +148,8 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
 
 @dataclass(frozen=True)
 class Plan:
-    """A sweep: an analysis, a disk, and the axes whose combinations are the points.
+    """The description of a parameter sweep: an analysis, a disk, and the axes whose combinations
+    are the points.
 
     Raises:
         InputError: If the analysis or an axis is not known, or the number of points is out of
@@ -188,7 +189,9 @@ class Plan:
         return math.prod(len(values) for _, values in self.axes)
 
     def points(self) -> Iterator[dict[str, str]]:
-        """Yield every point, a value for each axis by name; the last axis varies fastest."""
+        """Yield every point of the sweep, a value for each axis by name; the last axis varies
+        fastest.
+        """
         names = [name for name, _ in self.axes]
         for values in itertools.product(*(values for _, values in self.axes)):
             yield dict(zip(names, values, strict=True))

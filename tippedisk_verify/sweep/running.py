@@ -36,7 +36,7 @@ def swept(
     workers: Workers,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> tuple[int, int]:
-    """Run a sweep and write its table.
+    """Run a parameter sweep and write its table to a file.
 
     Args:
         plan: The sweep.
@@ -76,7 +76,8 @@ def swept(
 
 
 def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers) -> Iterator[Row]:
-    """Yield the missing rows, each after it has been written to the journal and added to ``rows``.
+    """Compute the missing rows of a sweep's table, and yield each one after it has been written to
+    the journal and added to ``rows``.
 
     The executor is made again if its processes die. Raises AccuracyError if that yields no row, or
     its workers have other code.
@@ -107,7 +108,9 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
 def _run(
     plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None
 ) -> Iterator[tuple[int, Row]]:
-    """Yield the index and the row of each missing point, as soon as the row is computed."""
+    """Compute the missing points of a sweep, and yield the index and the row of each as soon as it
+    is computed.
+    """
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
         yield from ((index, computed(*asked, point)) for index, point in missing)
@@ -133,7 +136,7 @@ def _line(index: int, row: Mapping[str, str]) -> bytes:
 
 
 def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
-    """Return the rows of an interrupted run by index, read from its journal.
+    """Read the journal of an interrupted sweep, and return its rows by index.
 
     The file is truncated at the first line that `_line` did not write.
 

@@ -47,7 +47,9 @@ _GUARD_DIGITS = 20  # extra digits of a root, because numbers computed from it l
 
 
 class Linearization(NamedTuple):
-    """The entries of the Jacobian [[0, 0, 1], [Omega, 0, 0], [A31, A32, A33]] (Eq. A_coeff_O)."""
+    """The entries of the Jacobian [[0, 0, 1], [Omega, 0, 0], [A31, A32, A33]] of the equations of
+    motion at an equilibrium (Eq. A_coeff_O).
+    """
 
     omega: Any  #: d(gamma')/d(beta) [1/s]
     A31: Any  #: [1/s^2]
@@ -57,7 +59,8 @@ class Linearization(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Equilibrium(Printable):
-    """One stationary state at one speed.
+    """A stationary state of the disk at one speed, inverted or noninverted spinning, with its
+    eigenvalues and stability.
 
     `Disk.equilibrium` adds the speeds at which its eigenvalues change kind.
     """
@@ -91,7 +94,7 @@ class Equilibrium(Printable):
 
 
 def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
-    """Return (beta, gamma, v) of the equilibrium, exactly.
+    """Return the state (beta, gamma, v) of an equilibrium, exactly.
 
     Args:
         name: ``inverted`` or ``noninverted``.
@@ -108,7 +111,8 @@ def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
 def linearization(
     parameters: Parameters, omega: Fraction, name: EquilibriumName = "inverted"
 ) -> Linearization:
-    """Return the Jacobian's entries at the equilibrium, as exact rationals.
+    """Return the entries of the Jacobian of the equations of motion at an equilibrium, as exact
+    rationals.
 
     They follow Eqs. 3DOF_lin and A_coeff_O. At noninverted spinning e changes its sign, because
     sin(gamma) = -1 there.
@@ -131,7 +135,7 @@ def linearization(
 
 
 def characteristic_polynomial(matrix: Linearization) -> tuple[Any, Any, Any, Any]:
-    """Return the coefficients (1, a2, a1, a0) of the characteristic polynomial.
+    """Return the coefficients (1, a2, a1, a0) of the characteristic polynomial of a linearisation.
 
     It is lambda^3 + a2 lambda^2 + a1 lambda + a0 [1/s^3].
 
@@ -142,7 +146,8 @@ def characteristic_polynomial(matrix: Linearization) -> tuple[Any, Any, Any, Any
 
 
 def is_stable(matrix: Linearization) -> bool:
-    """Return True if the cubic satisfies Routh-Hurwitz: a2 > 0, a0 > 0 and a2 a1 > a0.
+    """Return True if a linearised motion is asymptotically stable, by Routh-Hurwitz: a2 > 0, a0 > 0
+    and a2 a1 > a0.
 
     The result is exact for exact entries.
 
@@ -180,9 +185,10 @@ def saddle_value_sign(parameters: Parameters, omega: object) -> int:
 
 
 def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any, Any]:
-    """Return the direction (beta, gamma, v) with A x = lambda x, not normalised.
+    """Return the eigenvector x in (beta, gamma, v) of a linearisation A to a given eigenvalue, not
+    normalised.
 
-    It follows from the first two rows.
+    A x = lambda x; x follows from the first two rows.
 
     Args:
         matrix: The linearisation.
@@ -192,7 +198,10 @@ def right_eigenvector(matrix: Linearization, eigenvalue: Any) -> tuple[Any, Any,
 
 
 def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
-    """Return A33 [1/s] at inverted spinning, the paper's lambda_3 up to O(eps) (Eq. closed_la3).
+    """Return an estimate of the fast eigenvalue lambda_3 of inverted spinning: the Jacobian's entry
+    A33 [1/s].
+
+    It is the paper's lambda_3 up to O(eps) (Eq. closed_la3).
 
     Args:
         parameters: The disk.
@@ -224,7 +233,7 @@ def equilibrium(
 
 
 def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenvalue, Eigenvalue]:
-    """Return the eigenvalues [1/s] in `Equilibrium`'s order.
+    """Return the eigenvalues [1/s] of a linearisation, in `Equilibrium`'s order.
 
     Their half-widths are below 10**-digits of each one's size. The characteristic polynomial
     changes its sign at the real ones. If there is only one of these, the sum and the product of the
@@ -264,7 +273,8 @@ def eigenvalues(matrix: Linearization, digits: int) -> tuple[Eigenvalue, Eigenva
 def kind_changes(
     parameters: Parameters, name: EquilibriumName, digits: int = 12
 ) -> tuple[Measured, ...]:
-    """Return the speeds [rad/s], ascending, at which eigenvalues turn from real to complex or back.
+    """Return the speeds [rad/s], ascending, at which eigenvalues of an equilibrium turn from real
+    to complex or back.
 
     The discriminant of the characteristic polynomial is a cubic in Omega^2.
 

@@ -16,7 +16,8 @@ Coefficients = dict[tuple[int, int, int], Any]
 
 
 class LocalExpansion(NamedTuple):
-    """The four parts of the local equation M v' - h = f_G + w_y lambda_Ty (Eq. eqm_quartic).
+    """The expansion of the equation of motion M v' - h = f_G + w_y lambda_Ty about inverted
+    spinning, in its four parts (Eq. eqm_quartic).
 
     The friction law is linear.
     """
@@ -28,7 +29,8 @@ class LocalExpansion(NamedTuple):
 
 
 def derived(constants: Any, omega: Any) -> LocalExpansion:
-    """Return the expansion that follows from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
+    """Return the local expansion of the equation of motion about inverted spinning that follows
+    from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
 
     Args:
         constants: The parameters, in any kind of number.
@@ -70,7 +72,8 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
 
 
 def printed(constants: Any, omega: Any) -> LocalExpansion:
-    """Return the expansion as the paper prints it.
+    """Return the local expansion of the equation of motion about inverted spinning as the paper
+    prints it.
 
     Its source is Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx. Two entries differ from
     `derived`:

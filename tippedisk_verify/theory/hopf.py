@@ -72,7 +72,7 @@ Criticality = Literal["supercritical", "subcritical", "degenerate"]
 
 @dataclass(frozen=True, repr=False)
 class HopfPoint(Printable):
-    """The local properties of the Hopf point, to the requested digits."""
+    """The Hopf point of inverted spinning and its local properties, to the requested digits."""
 
     omega_crit: Measured = field(
         metadata=quantity(
@@ -106,7 +106,10 @@ class HopfPoint(Printable):
     )
 
     def slopes(self) -> tuple[Measured, Measured]:
-        """Return `amplitude_squared_slope` and `period_slope`.
+        """Return the slopes of the squared amplitude and of the period with respect to Omega_crit -
+        Omega.
+
+        They are `amplitude_squared_slope` and `period_slope`.
 
         Raises:
             AccuracyError: If l_1 = 0, where there are no slopes.
@@ -120,14 +123,17 @@ class HopfPoint(Printable):
 
 
 class AmplitudeLaw(NamedTuple):
-    """The coefficients c_1 and c_2 of the amplitude law, divided by Omega_crit, exactly."""
+    """The exact coefficients c_1 and c_2 of the amplitude law at the Hopf point, divided by
+    Omega_crit.
+    """
 
     quadratic: Fraction  #: c_1 / Omega_crit [1/rad^2]; friction does not enter
     quartic: Fraction  #: c_2 / Omega_crit [1/rad^4]
 
 
 def frequency_ratio_squared(parameters: Parameters) -> Fraction:
-    """Return W = e / (r + e), exactly.
+    """Return W = (omega / Omega_crit)^2 = e / (r + e), exactly, where omega is the critical
+    frequency.
 
     Args:
         parameters: The disk.
@@ -136,13 +142,14 @@ def frequency_ratio_squared(parameters: Parameters) -> Fraction:
 
 
 def _friction_ratio_squared(parameters: Parameters) -> Fraction:
-    """Return f^2 = (A33 / Omega_crit)^2, exactly."""
+    """Return f^2 = (A33 / Omega_crit)^2, the squared friction ratio, exactly."""
     c = parameters.rational()
     return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
 
 
 def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
-    """Return c_1 / Omega_crit and c_2 / Omega_crit, exactly.
+    """Return the coefficients of the amplitude law at the Hopf point, c_1 / Omega_crit and c_2 /
+    Omega_crit, exactly.
 
     The first is -delta / 8 with
 
@@ -170,7 +177,8 @@ def amplitude_law(parameters: Parameters) -> AmplitudeLaw:
 
 
 def omega_crit_squared(parameters: Parameters) -> Fraction:
-    """Return Omega_crit^2 [rad^2/s^2], exactly (Eq. approx_omega_crit).
+    """Return the square of the critical speed, Omega_crit^2 [rad^2/s^2], exactly (Eq.
+    approx_omega_crit).
 
     It is (r + e)^2 m g / (r Bbar). There a2 a1 = a0 in the Routh-Hurwitz criterion, in which mu and
     epsilon cancel.
@@ -250,7 +258,8 @@ def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Mea
 
 
 def distance_below_crit(parameters: Parameters, omega: Fraction) -> Fraction:
-    """Return Omega_crit - ``omega`` [rad/s] to 15 digits, however small it is.
+    """Return the distance Omega_crit - ``omega`` [rad/s] of a speed from the critical speed to 15
+    digits, however small it is.
 
     Args:
         parameters: The disk.
@@ -271,7 +280,7 @@ def _critical_speed(parameters: Parameters) -> tuple[Fraction, Fraction]:
 
 
 def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> Measured:
-    """Return Omega_crit - ``distance`` [rad/s] as a decimal with its half-width.
+    """Return the speed Omega_crit - ``distance`` [rad/s] as a decimal with its half-width.
 
     The speed itself is irrational.
 
@@ -297,7 +306,8 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
 
 @undisturbed
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
-    """Return the period 2 pi / omega [s] of the cycle at its birth, to ``digits`` digits.
+    """Return the period 2 pi / omega [s] of the limit cycle at its birth in the Hopf point, to
+    ``digits`` digits.
 
     Args:
         parameters: The disk.
@@ -311,7 +321,7 @@ def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
 
 
 def period_of(frequency: Measured, digits: int) -> Measured:
-    """Return 2 pi / ``frequency``, with pi to ``digits`` digits.
+    """Return the period 2 pi / ``frequency`` [s], with pi to ``digits`` digits.
 
     Args:
         frequency: The angular frequency [rad/s].

@@ -45,7 +45,7 @@ Form = Literal["printed", "consistent"]
 
 @dataclass(frozen=True, repr=False)
 class OneHarmonic(Printable):
-    """The one-harmonic cycle at a speed."""
+    """A limit cycle at one speed by harmonic balance with one harmonic."""
 
     amplitude: Measured  #: C [rad], Eq. Csol
     frequency: Measured  #: omega [rad/s], Eq. omega_sol
@@ -53,7 +53,8 @@ class OneHarmonic(Printable):
 
 
 def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """Return kappa_1 [N m], the cubic part of the sine balance (Eq. sin_balance and below).
+    """Return kappa_1 [N m], the cubic part of the one-harmonic law's sine balance (Eq. sin_balance
+    and below).
 
     Args:
         constants: The parameters, in any kind of number.
@@ -81,7 +82,8 @@ def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> Any:
-    """Return kappa_2 [m^2/s^2], the cubic part of the cosine balance (Eq. kappa2).
+    """Return kappa_2 [m^2/s^2], the cubic part of the one-harmonic law's cosine balance (Eq.
+    kappa2).
 
     Args:
         constants, omega, frequency_squared, form: As for `kappa_1`.
@@ -96,7 +98,8 @@ def kappa_2(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
 
 
 def delta(constants: Any, omega: Any, form: Form) -> Any:
-    """Return delta [rad^2/s^2] of omega^2 = e Omega^2 / (r + e) + delta C^2.
+    """Return delta [rad^2/s^2], the factor of C^2 in the law omega^2 = e Omega^2 / (r + e) + delta
+    C^2.
 
     It is defined by Eqs. omega_sol_C4 and delta.
 
@@ -125,7 +128,8 @@ def _checked_form(form: str) -> Form:
 
 
 def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
-    """Return C^2 [rad^2] and omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
+    """Return the squares of amplitude and frequency of the one-harmonic cycle: C^2 [rad^2] and
+    omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
 
     The law has a cycle where both are positive.
 
@@ -139,16 +143,18 @@ def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
 
 
 def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
-    """Return chi Omega^2 + m g e (r + e) [kg m^3/s^2], the denominator of Eq. Csol. Its zero is a
-    pole of the law.
+    """Return the denominator of the one-harmonic law's squared amplitude, chi Omega^2 + m g e (r +
+    e) [kg m^3/s^2] (Eq. Csol).
+
+    Its zero is a pole of the law.
     """
     r, e, m, g = constants.r, constants.e, constants.m, constants.g
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
 
 
 def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
-    """Return the section coordinates and half period of the consistent law's cycle, in double. The
-    section is beta = pi/2, v < 0.
+    """Return the point where the cycle of the consistent one-harmonic law crosses the section beta
+    = pi/2, v < 0, and half its period, in double.
 
     The result is None where the law has no cycle.
 
@@ -203,7 +209,8 @@ def one_harmonic(
 def slopes(
     parameters: Parameters, form: Form = "consistent", digits: int = 12
 ) -> tuple[Measured, Measured]:
-    """Return the law's slopes at the Hopf point with respect to Omega_crit - Omega.
+    """Return the slopes of the one-harmonic law's amplitude and period at the Hopf point with
+    respect to Omega_crit - Omega.
 
     Args:
         parameters: The disk.

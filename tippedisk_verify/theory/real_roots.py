@@ -56,7 +56,8 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
 
 
 def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
-    """Return a pair of neighbouring integers for each root, ascending.
+    """Isolate the real roots of a polynomial: return a pair of neighbouring integers for each root,
+    ascending.
 
     The root lies between the two. An integer root is returned twice, as (n, n). The search covers
     ``-bound`` to ``bound``.
@@ -73,7 +74,11 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
 
 
 def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
-    """Return the pair, as in `_cells`, for the only root between two integers."""
+    """Return the pair of neighbouring integers between which the only root between two integers
+    lies.
+
+    An integer root n is returned as (n, n).
+    """
     rising, slope = _value_at(polynomial, high) > 0, _derivative(polynomial)
     while high - low > 1:
         middle, width, size = (low + high) // 2, high - low, min(abs(low), abs(high))

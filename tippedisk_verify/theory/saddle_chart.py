@@ -51,8 +51,9 @@ _ROUNDING_STEP = (
 
 
 def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
-    """Return (beta, gamma, v) at a point y about the saddle. Both angles are pairs of sine and
-    cosine.
+    """Return the angles beta and gamma and v at a point y about the saddle.
+
+    Each angle is a pair of its sine and cosine.
     """
     return (numpy.cos(y[0]), -numpy.sin(y[0])), (-numpy.cos(y[1]), numpy.sin(y[1])), y[2]
 
@@ -82,8 +83,8 @@ class Monomials:
     def _pairs(
         wanted: Sequence[tuple[int, int, int]], places: dict[Any, int]
     ) -> tuple[Any, Any, Any]:
-        """Return the factor pairs of these monomials: the places of the left and of the right
-        factors, and the index at which each monomial's pairs begin.
+        """Return the pairs of monomials whose products are these monomials: the indices of the left
+        and of the right factors, and the index at which each monomial's pairs begin.
         """
         left, right, begins = list[int](), list[int](), list[int]()
         for triple in wanted:
@@ -97,12 +98,12 @@ class Monomials:
         return numpy.array(left), numpy.array(right), numpy.array(begins)
 
     def product(self, p: Any, q: Any, degree: int) -> Any:
-        """Return the terms of one degree of the product of two series (k, m)."""
+        """Return the terms of one total ``degree`` of the product of two series (k, m)."""
         left, right, begins = self._factors[degree]
         return numpy.add.reduceat(p[:, left] * q[:, right], begins, axis=1)
 
     def at(self, point: Any) -> Any:
-        """Return all monomials (m,) at a point (u, s, f)."""
+        """Return the values of all monomials (m,) at a point (u, s, f)."""
         u, s, f = (table[powers] for table, powers in self._tables(point))
         return u * s * f
 
@@ -114,8 +115,8 @@ class Monomials:
         return numpy.stack((by_u * s * f, u * by_s * f, u * s * by_f), axis=1)
 
     def _tables(self, point: Any) -> list[tuple[Any, Any]]:
-        """Return for each variable the table of its powers, and the exponents (m,) that the
-        monomials have.
+        """Return for each variable a table of its powers at a point, and the exponents (m,) that
+        the monomials have.
         """
         tables = (numpy.cumprod([variable**0] + [variable] * self.order) for variable in point)
         return list(zip(tables, self.powers.T, strict=True))
@@ -127,7 +128,7 @@ def _monomials(order: int, bands: int) -> Monomials:
 
 
 class _Tape:
-    """A list of series (k, m) for k speeds, in the order of computing.
+    """A record of power series (k, m) for k speeds, in the order in which they are computed.
 
     Each has the rule that gives its terms of one degree.
     """
@@ -136,8 +137,8 @@ class _Tape:
         self.count, self.monomials, self.series = count, monomials, list[_Series]()
 
     def extend(self, degree: int) -> None:
-        """Compute the terms of a degree of all series, from those of lower degrees and of the
-        variables.
+        """Compute the terms of one ``degree`` of all recorded series, from those of lower degrees
+        and of the variables.
         """
         of = self.monomials.of_degree[degree]
         for series in self.series:
@@ -145,9 +146,10 @@ class _Tape:
                 series.terms[:, of] = series.rule(degree, of)
 
     def sine_and_cosine(self, angle: _Series, sine: int, cosine: int) -> tuple[_Series, _Series]:
-        """Return the sine and cosine of an angle, given those of its constant term.
+        """Return the sine and cosine of an angle as series on the tape.
 
-        Along rays s' = c a' and c' = -s a', where a derivative multiplies a term by its degree.
+        ``sine`` and ``cosine`` are those of the angle's constant term. Along rays s' = c a' and c'
+        = -s a', where a derivative multiplies a term by its degree.
         """
         both = _Series(self), _Series(self)
 
@@ -165,8 +167,8 @@ class _Tape:
 
 
 class _Series:
-    """A series on a tape. Numbers in its arithmetic are the same for all speeds, or have the shape
-    (k, 1).
+    """A power series on a tape, with arithmetic. Numbers in its arithmetic are the same for all
+    speeds, or have the shape (k, 1).
     """
 
     __array_ufunc__ = None
@@ -219,9 +221,10 @@ class _Series:
 
 @dataclass(frozen=True)
 class SaddleChart:
-    """The chart at one speed.
+    """Coordinates (u, s, f) about the saddle at one speed in which the flow is linear.
 
-    A complex speed gives complex numbers, and thus derivatives with respect to the speed.
+    W maps them to the offset y from the saddle. A complex speed gives complex numbers, and thus
+    derivatives with respect to the speed.
     """
 
     monomials: Monomials
@@ -230,33 +233,40 @@ class SaddleChart:
     inverse: Any  #: (3, 3) of the matrix of eigenvectors
 
     def at(self, point: Any) -> Any:
-        """Return y (3,) at a point (u, s, f)."""
+        """Convert chart coordinates (u, s, f) to the offset y (3,) of a state from the saddle."""
         return self.coefficients @ self.monomials.at(point)
 
     def slopes(self, point: Any) -> Any:
-        """Return DW (3, 3) at a point (u, s, f)."""
+        """Return the derivative DW (3, 3) of the offset y from the saddle with respect to the chart
+        coordinates, at a point (u, s, f).
+        """
         return self.coefficients @ self.monomials.slopes(point)
 
     def along(self, gradient: Sequence[Any]) -> Any:
-        """Convert a gradient (3,) with respect to y at the saddle into one with respect to (u, s,
-        f).
+        """Convert the gradient (3,) of a function at the saddle from the offset y to the chart
+        coordinates (u, s, f).
         """
         return numpy.asarray(gradient) @ self.slopes(self.eigenvalues * 0)
 
     def radius(self, variable: int) -> float:
-        """Estimate the radius of convergence in u (0) or s (1), from the last terms that are nearly
-        pure powers of it.
+        """Estimate the radius of convergence of the chart's series in u (0) or s (1), from the last
+        terms that are nearly pure powers of it.
         """
         last = self.monomials.powers[:, variable] >= self.monomials.order - _LAST_TERMS
         sizes, degrees = abs(self.coefficients[:, last]).max(axis=0), self.monomials.degrees[last]
         return float((sizes[sizes > 0] ** (-1 / degrees[sizes > 0])).min())
 
     def flow(self, point: Any, time: Any) -> Any:
-        """Return the point (u, s, f) that a point reaches after a time [s]."""
+        """Return the chart coordinates (u, s, f) that a motion reaches from given ones after a time
+        [s].
+
+        In the chart the flow is linear.
+        """
         return point * numpy.exp(self.eigenvalues * time)
 
     def coordinates(self, y: Any) -> Any:
-        """Return (u, s, f) of a state y (3,).
+        """Convert the offset y (3,) of a state from the saddle to chart coordinates (u, s, f), by
+        iteration.
 
         Raises ArithmeticError if the iteration does not settle.
         """
@@ -271,7 +281,11 @@ class SaddleChart:
 
 
 class ChartFamily:
-    """The charts of one side, as polynomials in the distance from a speed ``origin`` [rad/s]."""
+    """The charts about the saddle at speeds near a speed ``origin`` [rad/s], as polynomials in the
+    distance from it.
+
+    ``side`` is the sign of gamma_y whose analytic law they belong to; None for a law without sides.
+    """
 
     def __init__(
         self, parameters: Parameters, origin: Fraction, side: int | None, order: int, bands: int
@@ -299,7 +313,7 @@ class ChartFamily:
         self._polynomials = solved(steps ** numpy.arange(_SPEED_NODES), values)
 
     def at(self, distance: Any) -> SaddleChart:
-        """Return the chart at a distance from the origin [rad/s]."""
+        """Return the chart at a given distance of the speed from the origin [rad/s]."""
         values = polynomial(self._polynomials, distance)
         return SaddleChart(
             self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3)
@@ -315,7 +329,10 @@ def _invariant(
     directions: Any,
     inverse: Any,
 ) -> Any:
-    """Return the terms (k, 3, m) of W at k speeds, computed degree by degree."""
+    """Return the series terms (k, 3, m) of the chart W at k speeds, computed degree by degree.
+
+    W maps coordinates in which the flow is linear to the offset from the saddle.
+    """
     tape = _Tape(len(speeds), monomials)
     beta, gamma, v = (_Series(tape) for _ in range(3))
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
@@ -341,8 +358,9 @@ def _invariant(
 
 
 def polynomial(coefficients: Any, variable: Any) -> Any:
-    """Return the value of a polynomial. Its coefficients lie along the first axis, the constant one
-    first.
+    """Return the value of a polynomial at ``variable``.
+
+    Its coefficients lie along the first axis, the constant one first.
     """
     total = coefficients[-1]
     for term in coefficients[-2::-1]:

@@ -49,7 +49,8 @@ _MIN_DIVISOR = 1e-4  # relative to the eigenvalue; coefficients grow like the in
 
 @dataclass(frozen=True)
 class Saddle:
-    """Noninverted spinning at one speed with its local manifolds, in mpmath numbers.
+    """The saddle, noninverted spinning at one speed, with its local manifolds as power series, in
+    mpmath numbers.
 
     Args:
         parameters: The disk.
@@ -69,7 +70,7 @@ class Saddle:
 
     @cached_property
     def context(self) -> Any:
-        """The mpmath context of the numbers."""
+        """The mpmath context of the numbers that belong to this saddle."""
         return bits(self.working_bits).context
 
     @cached_property
@@ -85,7 +86,7 @@ class Saddle:
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
-        """The eigenvalues (unstable, slow stable, fast stable) [1/s]."""
+        """The saddle's eigenvalues (unstable, slow stable, fast stable) [1/s]."""
         ctx = self.context
         matrix = linearization(self.parameters, self.omega, "noninverted")
         values = eigenvalues(matrix, math.ceil(self.working_bits * math.log10(2)))
@@ -103,7 +104,8 @@ class Saddle:
 
     @cached_property
     def directions(self) -> Any:
-        """The right eigenvectors in (beta, gamma, v), as columns in the eigenvalues' order.
+        """The saddle's right eigenvectors in (beta, gamma, v), as columns in the eigenvalues'
+        order.
 
         The largest component of each is 1.
         """
@@ -122,21 +124,30 @@ class Saddle:
 
     @cached_property
     def inverse_directions(self) -> Any:
-        """The inverse of `directions`: its rows give coordinates along the eigenvectors."""
+        """The inverse of the matrix of eigenvectors: its rows give coordinates along the
+        eigenvectors.
+        """
         return self.context.inverse(self.directions)
 
     @cached_property
     def unstable_curve(self) -> list[PowerSeries]:
-        """The unstable manifold K(s)."""
+        """The unstable manifold of the saddle as a curve K(s), a power series for each of beta,
+        gamma and v.
+        """
         return self._curve(0)
 
     @cached_property
     def stable_curve(self) -> list[PowerSeries]:
-        """The slow stable manifold K(s); the fast one is not needed."""
+        """The slow stable manifold of the saddle as a curve K(s), a power series for each of beta,
+        gamma and v.
+
+        The fast stable manifold is not needed.
+        """
         return self._curve(1)
 
     def start_on_branch(self, distance: Fraction, side: int = 1) -> list[Fraction]:
-        """Return a point of the unstable curve from the saddle at gamma_bar = -pi.
+        """Return a state on the unstable manifold next to the saddle at gamma_bar = -pi, from its
+        power series.
 
         Args:
             distance: The curve's parameter s.
@@ -165,9 +176,9 @@ class Saddle:
         return [PowerSeries(component) for component in curve]
 
     def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
-        """Return x with (growth - A) x = rest, where A is the linearisation.
+        """Solve (growth - A) x = rest for x, where A is the linearisation at the saddle.
 
-        Components with a divisor below ``resonant`` are set to zero.
+        Components of x along eigenvectors with a divisor below ``resonant`` are set to zero.
         """
         along = self.inverse_directions * self.context.matrix(rest)
         for k, eigenvalue in enumerate(self.eigenvalues):
@@ -177,22 +188,27 @@ class Saddle:
 
     @property
     def _power_step(self) -> int:
-        """The step between powers: 1 for a law with two sides, otherwise 2.
+        """The step between the powers of s with nonzero coefficients: 1 for a law with two sides,
+        otherwise 2.
 
         An analytic law's field is odd about the saddle, so every other power vanishes.
         """
         return 1 if self.parameters.law.two_sided else 2
 
     def _law(self, which: int) -> tuple[FrictionLaw, int | None]:
-        """Return the friction law along a curve in a form that accepts power series, and its side."""
+        """Return the friction law along a manifold of the saddle, in a form that accepts power
+        series, and the sign of gamma_y there.
+
+        ``which`` is 0 for the unstable manifold and 1 for the slow stable one.
+        """
         parameters, side = self.parameters, self.side(which)
         number = partial(quotient, self.context)
         law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
         return law, side
 
     def side(self, which: int) -> int | None:
-        """Return the sign of gamma_y along a curve (0: unstable, 1: slow stable), on the half that
-        is used.
+        """Return the sign of gamma_y along a manifold of the saddle (0: unstable, 1: slow stable),
+        on the half that is used.
 
         Returns None for a law without sides.
         """
@@ -205,30 +221,39 @@ class Saddle:
         return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
 
     def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Angle, Angle, PowerSeries]:
-        """Return the state about (pi/2, -pi/2, 0), whose sines and cosines are exact."""
+        """Return the angles beta and gamma and v of a curve of states about (pi/2, -pi/2, 0), as
+        power series.
+
+        The sines and cosines of the angles' constant terms are exact.
+        """
         zero, one = self.context.zero, self.context.one
         beta, gamma, v = map(PowerSeries, curve)
         return Angle(beta, one, zero), Angle(gamma, -one, zero), v
 
     @cached_property
     def fast_direction(self) -> list[PowerSeries]:
-        """The fast stable direction L(s) along the slow stable curve; even in s."""
+        """The direction L(s) of the fast stable motion at each point of the slow stable curve, as
+        power series that are even in s.
+        """
         return self._carried(2)
 
     @cached_property
     def unstable_direction(self) -> list[PowerSeries]:
-        """The unstable direction M(s) along the slow stable curve; even in s.
+        """A direction M(s) of the unstable motion at each point of the slow stable curve, as power
+        series that are even in s.
 
-        Any M detects u = 0, so terms next to a resonance are left out. An example is
-        lambda_u + 2 lambda_s = lambda_s, where the saddle value vanishes. There u grows like
-        exp(lambda_u t) only up to a factor 1 + O(s^2).
+        Any M detects u = 0, so terms next to a resonance are left out. An example is lambda_u + 2
+        lambda_s = lambda_s, where the saddle value vanishes. There u grows like exp(lambda_u t)
+        only up to a factor 1 + O(s^2).
         """
         return self._carried(0)
 
     def _carried(self, which: int) -> list[PowerSeries]:
-        """Return a direction along the slow stable curve.
+        """Return an eigenvector's direction at each point of the slow stable curve, carried along
+        it by the flow, as power series.
 
-        It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is an eigenvector.
+        It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
+        ``which``.
         """
         ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[which]
         entries = self._jacobian_on_stable_curve
@@ -257,7 +282,7 @@ class Saddle:
         return slopes(*self._state(curve))
 
     def reach(self, *curves: Sequence[PowerSeries]) -> Any:
-        """Return the radius within which all the curves converge.
+        """Return the radius of s within which the power series of all given curves converge.
 
         It is estimated from their last coefficients.
         """
@@ -275,8 +300,10 @@ class Saddle:
         return min(rates)
 
     def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Return the coordinates (u, s, t) of a point near the saddle: K(s) + t L(s) + u M(s).
+        """Return the coordinates (u, s, t) of a point near the saddle, so that the point is K(s) +
+        t L(s) + u M(s).
 
+        K is the slow stable curve; L and M are the fast stable and the unstable direction along it.
         The point lies on the stable manifold if u = 0, up to terms of order t^2. Small u and t grow
         and fall like exp(lambda_u t) and exp(lambda_f t) along the flow.
 

@@ -17,7 +17,9 @@ __all__ = ["Angle", "PowerSeries", "SeriesOps"]
 
 
 class PowerSeries:
-    """The coefficients ``c``, in graded order, of a series in 1 or 2 ``variables``."""
+    """A truncated power series in 1 or 2 ``variables``, given by its coefficients ``c`` in the
+    order of their total degree.
+    """
 
     __slots__ = ("c", "variables")
 
@@ -34,7 +36,7 @@ class PowerSeries:
         return _degrees(self.variables, len(self.c))[-1]
 
     def at(self, variable: Any) -> Any:
-        """Return the value of a series in one variable.
+        """Return the value of a series in one variable at a number.
 
         Args:
             variable: The number.
@@ -78,7 +80,7 @@ class PowerSeries:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> PowerSeries:
-        """Divide by a number or by a series whose constant term is not zero."""
+        """Return the quotient by a number or by a series whose constant term is not zero."""
         if not isinstance(other, PowerSeries):
             return self._like([a / other for a in self.c])
         table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
@@ -95,8 +97,8 @@ class PowerSeries:
         return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
 
     def slope(self, axis: int) -> PowerSeries:
-        """Return the partial derivative with respect to the first (0) or second (1) of two
-        variables.
+        """Return the partial derivative of a series in two variables with respect to the first (0)
+        or second (1).
 
         The result has one degree less.
 
@@ -127,7 +129,8 @@ class Angle:
 
     @cached_property
     def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
-        """The sine and cosine as series, from s' = c a' and c' = -s a' along each ray.
+        """The sine and cosine of the angle as power series, from s' = c a' and c' = -s a' along
+        each ray.
 
         Along a ray a derivative multiplies a coefficient by its degree.
         """
@@ -155,7 +158,7 @@ SeriesOps: Any = SimpleNamespace(
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
-    """Return pairs of place and value for the coefficients that are not zero.
+    """Return the coefficients that are not zero, each as a pair of its index and its value.
 
     Half of the coefficients of even and odd series are zero.
     """
@@ -164,7 +167,7 @@ def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:
 
 @lru_cache(maxsize=64)
 def _degrees(variables: int, count: int) -> tuple[int, ...]:
-    """Return the total degrees of the first ``count`` monomials."""
+    """Return the total degrees of the first ``count`` monomials in 1 or 2 ``variables``."""
     if variables == 1:
         return tuple(range(count))
     return tuple(degree for degree in range(count) for _ in range(degree + 1))[:count]
@@ -172,7 +175,8 @@ def _degrees(variables: int, count: int) -> tuple[int, ...]:
 
 @lru_cache(maxsize=64)
 def _products(variables: int, count: int) -> tuple[Sequence[int], ...]:
-    """Return for each monomial the places of its products with all monomials, in order.
+    """Return a multiplication table of monomials: for each one, the indices of its products with
+    all monomials, in order.
 
     Products beyond the kept degree are left out.
     """

@@ -65,7 +65,8 @@ POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
 
 
 def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
-    """Return h_c [rad/s], the v of pure rolling, gamma_y = 0 (Eq. critical_manifold_tippdisk).
+    """Return v = h_c [rad/s] on the critical manifold, where the disk rolls: gamma_y = 0 (Eq.
+    critical_manifold_tippdisk).
 
     Args:
         ops: The functions of the kind of number.
@@ -83,7 +84,8 @@ def critical_manifold(ops: Ops, constants: Constants, omega: Any, beta: Any, gam
 
 
 def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any) -> Any:
-    """Return h_1 [rad/m], the paper's formula below Eq. slow_manifold_tippdisk.
+    """Return h_1 [rad/m], the first-order term of the slow manifold's series, by the paper's
+    formula below Eq. slow_manifold_tippdisk.
 
     It is singular at sin(beta) = 0.
 
@@ -143,7 +145,8 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
 
 
 class SlowManifoldSeries:
-    """The orders h_0 ... h_highest about a point as power series in (beta, gamma).
+    """The orders h_0 ... h_highest of the slow manifold v = h(beta, gamma), as power series about a
+    point.
 
     They come from v' = q_0 + q_1 v + q_2 v^2 - rate (v - h_c) / epsilon (Eqs. per_g0, per_g1). Each
     order costs one degree.
@@ -202,11 +205,12 @@ class SlowManifoldSeries:
 
     @property
     def orders(self) -> list[Any]:
-        """The values [h_0, h_1, ...] at the point."""
+        """The values [h_0, h_1, ...] of the slow manifold's orders at the point."""
         return [h.c[0] for h in self.series]
 
     def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
-        """Yield h, dh/dbeta and dh/dgamma at the point, truncated at each order in turn.
+        """Yield the slow manifold's v = h and its slopes dh/dbeta and dh/dgamma at the point, with
+        the series truncated at each order in turn.
 
         Args:
             epsilon: The parameter of the series [m/s].
@@ -222,7 +226,8 @@ class SlowManifoldSeries:
             yield h, by_beta, by_gamma
 
     def residuals(self, epsilon: Any) -> list[Any]:
-        """Return epsilon (dh/dx) f - g [m rad/s^3] of each truncation.
+        """Return the residuals of the invariance equation, epsilon (dh/dx) f - g [m rad/s^3], of
+        each truncation of the slow manifold's series.
 
         The residual of order n has the size epsilon^(n + 1).
 
@@ -242,7 +247,8 @@ class SlowManifoldSeries:
 def orders(
     ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int
 ) -> list[Any]:
-    """Return [h_0, h_1, ..., h_highest] at one point [rad/s, rad/m, ...].
+    """Return the orders [h_0, h_1, ..., h_highest] of the slow manifold's series at one point
+    [rad/s, rad/m, ...].
 
     The result is in the arithmetic of the arguments.
 
@@ -260,7 +266,10 @@ def orders(
 def invariance_residuals(
     ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int
 ) -> list[Any]:
-    """Return `SlowManifoldSeries.residuals` at a point, up to an order.
+    """Return how far truncations of the slow manifold's series are from invariance at a point, up
+    to an order.
+
+    They are the `SlowManifoldSeries.residuals`.
 
     Args:
         ops, constants, omega, beta, gamma, highest: As for `orders`.
@@ -275,7 +284,9 @@ def invariance_residuals(
 
 
 def _checked_order(order: int) -> int:
-    """Return the order as an int; raise InputError unless it is an integer from 0 to 40."""
+    """Check the order of the slow manifold's series and return it as an int; raise InputError
+    unless it is an integer from 0 to 40.
+    """
     number = whole(order, 0, _HIGHEST_ORDER)
     if number is None:
         raise InputError(
@@ -287,9 +298,10 @@ def _checked_order(order: int) -> int:
 
 # ------------------------------------------------------------------------------ the reduced flow
 class ReducedEquilibrium(NamedTuple):
-    """The linearisation of beta' = h(beta, gamma), gamma' = -Omega cos(beta) at an equilibrium.
+    """The linearisation of the reduced flow on the slow manifold at an equilibrium.
 
-    Its eigenvalues satisfy l^2 - trace l + det = 0.
+    The flow is beta' = h(beta, gamma), gamma' = -Omega cos(beta). The eigenvalues satisfy l^2 -
+    trace l + det = 0.
     """
 
     trace: Any  #: dh/d(beta) [1/s]
@@ -299,7 +311,7 @@ class ReducedEquilibrium(NamedTuple):
 def reduced_equilibrium(
     parameters: Parameters, omega: Any, name: EquilibriumName, order: int, working_bits: int = 120
 ) -> ReducedEquilibrium:
-    """Return the reduced flow's linearisation at an equilibrium.
+    """Return the linearisation of the reduced flow on the slow manifold at an equilibrium.
 
     Order 0 has trace 0: at every speed noninverted spinning is a saddle and inverted spinning a
     centre.
@@ -326,7 +338,7 @@ def reduced_equilibrium(
 
 
 def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> Measured:
-    """Return the Hopf speed of the reduced flow [rad/s].
+    """Return the speed of the Hopf point of the reduced flow on the slow manifold [rad/s].
 
     The trace at inverted spinning vanishes there. At order 1 this is Omega_crit exactly.
 
@@ -350,7 +362,9 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
     start = float(omega_crit(parameters))
 
     def root(working_bits: int) -> Any:
-        """Find the zero of the trace at inverted spinning by the secant method."""
+        """Return the speed at which the reduced flow's trace at inverted spinning is zero, by the
+        secant method.
+        """
         ctx = bits(working_bits).context
 
         def trace(speed: Any) -> Any:
@@ -376,7 +390,8 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
 # ------------------------------------------------------------------- the accuracy of the series
 @dataclass(frozen=True, repr=False)
 class SlowManifold(Printable):
-    """The truncated series: its orders at one point, and its accuracy at twenty fixed points.
+    """The truncated series of the slow manifold: its orders at one point, and its accuracy at
+    twenty fixed points.
 
     A residual is |epsilon (dh/dx) f - g|, at this set's epsilon. ``reduced_omega_crit`` belongs to
     the reduced flow of order N. It is None where no Hopf point is found, as at order 0.
@@ -420,8 +435,8 @@ def analyse_slow_manifold(
     *,
     at: tuple[object, object] = ("1.2", "0.3"),
 ) -> SlowManifold:
-    """Return the orders of the series at a point, its residuals with their observed exponents, and
-    the best order.
+    """Return an analysis of the slow manifold's series: its orders at a point, its residuals with
+    their observed exponents, and the best order.
 
     Args:
         parameters: The disk.
@@ -522,7 +537,8 @@ def _expansion(
 def _largest_residuals(
     parameters: Parameters, omega: Fraction, order: int, epsilons: Sequence[Fraction]
 ) -> list[list[float]]:
-    """Return the largest residual over the fixed points, for each epsilon and each order.
+    """Return the largest residual of the slow manifold's invariance equation over the fixed points,
+    for each epsilon and each order.
 
     The residual is smaller than its terms by some number of digits. The working precision has sixty
     more than that.
@@ -540,7 +556,10 @@ def _largest_residuals(
 
 
 def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> tuple[int, float]:
-    """Return the order with the smallest largest term over the fixed points, and that term."""
+    """Return the order at which to truncate the slow manifold's series, and the size of its term.
+
+    It is the order whose largest term over the fixed points is smallest.
+    """
     rows = [
         _expansion(parameters, omega, point, highest, 120, slopes=False).orders for point in POINTS
     ]

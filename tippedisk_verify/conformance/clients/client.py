@@ -20,7 +20,9 @@ from numpy import abs, cos, hypot, log, pi, sin, sqrt
 
 
 def equations(p, Omega, smooth, beta, gamma, v):
-    """Return M, h, f_G, w_y, gamma_y, lambda_Ty, gamma', v', Bbar and the terms of h."""
+    """Return the terms of the equations of motion at a state: M, h, f_G, w_y, gamma_y, lambda_Ty,
+    gamma', v', Bbar and the terms of h.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     rho = r + e * sin(gamma)
@@ -48,7 +50,7 @@ def equations(p, Omega, smooth, beta, gamma, v):
 
 
 def quotient_rate(dforce, dM, M, v_rate):
-    """Return the derivative of v' = force / M."""
+    """Return the derivative of v' = force / M, from the derivatives of force and M."""
     return (dforce - dM * v_rate) / M
 
 
@@ -138,7 +140,9 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
 
 
 def rhs(p, smooth, given, asked):
-    """Answer level 1: the terms of the equations at a state, and the derivatives of v'."""
+    """Answer the questions of level 1: the terms of the equations at a state, and the derivatives
+    of v'.
+    """
     Omega, beta, gamma, v = given["Omega"], given["beta"], given["gamma"], given["v"]
     names = "M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate"
     names += "Bbar", "h_1", "h_2", "h_3", "h_4", "h_5"  # optional
@@ -181,7 +185,7 @@ def sorted_eigenvalues(matrix):
 
 
 def equilibrium(p, smooth, given, asked):
-    """Answer level 2: the eigenvalues of inverted and of noninverted spinning."""
+    """Answer the questions of level 2: the eigenvalues of inverted and of noninverted spinning."""
     side = np.where(given["equilibrium"] == "inverted", 1, -1)
     eigenvalues = sorted_eigenvalues(linearisation(p, given["Omega"], side))
     answers = {}
@@ -199,7 +203,10 @@ def critical_speed(p):
 
 
 def hopf_eigenvectors(p, Omega, omega):
-    """Return the eigenvector q of i omega, |q| = 1, and the adjoint p_star with p_star q = 1."""
+    """Return the eigenvector q of the linearised motion to the eigenvalue i omega, and the adjoint.
+
+    q| = 1, and the adjoint p_star has p_star q = 1.
+    """
     A_31, A_32, A_33 = linearisation(p, Omega, 1)[:, 2].T
     q = np.array([1j * omega, Omega, -(omega**2)])
     q = q / sqrt(sum(abs(q) ** 2))
@@ -209,14 +216,17 @@ def hopf_eigenvectors(p, Omega, omega):
 
 
 def triple(q_1, q_2, q_3):
-    """Return the contribution of the product of three variables to C(q, q, conj(q))."""
+    """Return the contribution of a product of three variables, with the entries q_1, q_2, q_3 of a
+    vector q, to the cubic form C(q, q, conj(q)).
+    """
     return 2 * (q_1 * q_2 * q_3.conj() + q_1 * q_2.conj() * q_3 + q_1.conj() * q_2 * q_3)
 
 
 def cubic_terms(p, Omega, q):
-    """Return C(q, q, conj(q)) of gamma' and of v' about inverted spinning.
+    """Return the cubic terms C(q, q, conj(q)) of gamma' and of v' about inverted spinning, for a
+    complex vector q.
 
-    Both have no terms of second order there.
+    Both rates have no terms of second order there.
     """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -247,7 +257,9 @@ def cubic_terms(p, Omega, q):
 
 
 def eigenvalue_rate(p, Omega, q, p_star):
-    """Return d(lambda)/dOmega of the pair, from the matrix's derivative with respect to Omega."""
+    """Return d(lambda)/dOmega of the critical eigenvalues, from the matrix's derivative with
+    respect to Omega.
+    """
     A_32 = linearisation(p, Omega, 1)[:, 2, 1]
     dA_21 = 1
     dA_31 = -2 * Omega
@@ -256,7 +268,9 @@ def eigenvalue_rate(p, Omega, q, p_star):
 
 
 def hopf(p, smooth, given, asked):
-    """Answer level 3: the Hopf point, its normal form, and the slopes of the family of cycles."""
+    """Answer the questions of level 3: the Hopf point, its normal form, and the slopes of the
+    family of cycles.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Omega = critical_speed(p)
     omega = sqrt(e / (r + e)) * Omega
@@ -281,7 +295,9 @@ def hopf(p, smooth, given, asked):
 
 
 def one_harmonic_law(p, Omega, form):
-    """Return C and omega of the one-harmonic law, in its printed or its consistent form."""
+    """Return amplitude C and frequency omega of the one-harmonic law, in its printed or its
+    consistent form.
+    """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
     stiffness = np.where(form == "printed", r - e, r)
@@ -295,7 +311,7 @@ def one_harmonic_law(p, Omega, form):
 
 
 def harmonic_balance(p, smooth, given, asked):
-    """Answer level 4: amplitude, frequency and period of the one-harmonic law."""
+    """Answer the questions of level 4: amplitude, frequency and period of the one-harmonic law."""
     C, omega = one_harmonic_law(p, given["Omega"], given["form"])
     return {"amplitude": C, "frequency": omega, "period": 2 * pi / omega}
 
@@ -304,7 +320,7 @@ def harmonic_balance(p, smooth, given, asked):
 
 
 def series_product(*factors):
-    """Return the product of truncated series."""
+    """Return the product of truncated power series in beta and gamma."""
     product = factors[0]
     for factor in factors[1:]:
         partial = np.zeros_like(product)
@@ -317,7 +333,7 @@ def series_product(*factors):
 
 
 def series_quotient(numerator, denominator):
-    """Return the quotient of truncated series, by long division."""
+    """Return the quotient of truncated power series in beta and gamma, by long division."""
     quotient = np.zeros_like(numerator)
     remainder = numerator.copy()
     size = len(numerator)
@@ -329,7 +345,9 @@ def series_quotient(numerator, denominator):
 
 
 def series_in(variable, coefficients):
-    """Return a series in beta (variable 0) or gamma (variable 1) alone as a series in both."""
+    """Convert the coefficients of a series in beta (variable 0) or gamma (variable 1) alone to a
+    series in both.
+    """
     series = np.zeros((len(coefficients),) + coefficients.shape)
     if variable == 0:
         series[:, 0] = coefficients
@@ -347,7 +365,7 @@ def series_cosine(angle, size):
 
 
 def derivative_beta(series):
-    """Return the derivative with respect to beta; the highest order is lost."""
+    """Return the derivative of a power series with respect to beta; the highest order is lost."""
     derivative = np.zeros_like(series)
     for i in range(1, len(series)):
         derivative[i - 1, :] = i * series[i, :]
@@ -355,7 +373,7 @@ def derivative_beta(series):
 
 
 def derivative_gamma(series):
-    """Return the derivative with respect to gamma; the highest order is lost."""
+    """Return the derivative of a power series with respect to gamma; the highest order is lost."""
     derivative = np.zeros_like(series)
     for j in range(1, len(series)):
         derivative[:, j - 1] = j * series[:, j]
@@ -363,9 +381,10 @@ def derivative_gamma(series):
 
 
 def manifold_terms(p, Omega, beta, gamma, size):
-    """Return the series in M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon.
+    """Return the series in beta and gamma of the terms of the equation of motion of v.
 
-    The last one returned is cos(beta).
+    The equation is M v' = free + linear v + square v^2 - drag (v - h_0) / epsilon. The last series
+    returned is cos(beta).
     """
     r, e, m, A, B, g, mu, epsilon = p
     Bbar = B - m * e**2
@@ -397,7 +416,10 @@ def manifold_terms(p, Omega, beta, gamma, size):
 
 
 def slow_manifold_orders(p, Omega, beta, gamma, last):
-    """Return the series of h_0 ... h_last; epsilon^n in the invariance equation gives h_n."""
+    """Return the series in beta and gamma of the slow manifold's orders h_0 ... h_last.
+
+    The order epsilon^n of the invariance equation gives h_n.
+    """
     M, free, linear, square, drag, h_0, cos_beta = manifold_terms(p, Omega, beta, gamma, last + 2)
     h = [h_0]
     for n in range(1, last + 1):
@@ -413,7 +435,9 @@ def slow_manifold_orders(p, Omega, beta, gamma, last):
 
 
 def invariance_residual(p, Omega, beta, gamma, h):
-    """Return the residual of the invariance equation for the series of the orders h."""
+    """Return the residual of the slow manifold's invariance equation, from the series of its orders
+    h.
+    """
     epsilon = p[7]
     series = manifold_terms(p, Omega, beta, gamma, 1)
     M, free, linear, square, drag, h_0, cos_beta = [one[0, 0] for one in series]
@@ -428,7 +452,7 @@ def invariance_residual(p, Omega, beta, gamma, h):
 
 
 def slow_manifold(p, smooth, given, asked):
-    """Answer level 5: the orders of the slow manifold and their residuals."""
+    """Answer the questions of level 5: the orders of the slow manifold and their residuals."""
     Omega, beta, gamma = given["Omega"], given["beta"], given["gamma"]
     last = max(int(name.rsplit("_", 1)[1]) for name in asked)
     h = slow_manifold_orders(p, Omega, beta, gamma, last)

@@ -41,7 +41,9 @@ LONGEST = 2.8
 
 
 def runge_kutta_step(rates, p, Omega, smooth, state, h):
-    """Return the state after one step of length h, which may differ between the entries."""
+    """Return the states after one Runge-Kutta step of length h, which may differ between the
+    entries.
+    """
     slopes = np.empty((len(TABLEAU), state.size))
     stage = state
     for i, row in enumerate(TABLEAU):
@@ -51,7 +53,7 @@ def runge_kutta_step(rates, p, Omega, smooth, state, h):
 
 
 def flow(p, Omega, smooth, state):
-    """Return the rates of (beta, gamma, v)."""
+    """Return the rates of motion (beta', gamma', v') at a state."""
     beta, gamma, v = state
     M, h, f_G, w_y, gamma_y, lambda_Ty, gamma_rate, v_rate, *_ = equations(
         p, Omega, smooth, beta, gamma, v
@@ -79,7 +81,7 @@ def variational_flow(p, Omega, smooth, state):
 
 
 def flight_step(rates, p, Omega, smooth, state, h):
-    """Return the state after a step, taken in two parts where gamma_y passes zero.
+    """Return the states after a Runge-Kutta step, taken in two parts where gamma_y passes zero.
 
     There the second derivative of the smooth law jumps.
     """
@@ -110,9 +112,10 @@ def flight_step(rates, p, Omega, smooth, state, h):
 
 
 def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLIGHT_STEP):
-    """Return time and state where a function of the state passes zero, upward for sign 1.
+    """Integrate until a function of the state passes zero, upward for sign 1. Return the time and
+    the state.
 
-    They are NaN where it never does.
+    They are NaN where the function never passes zero.
     """
     before, time = np.full_like(state, np.nan), np.full(Omega.shape, np.nan)
     for k in range(int(longest / h)):
@@ -134,7 +137,9 @@ def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLI
 
 
 def trajectory(p, smooth, given, asked):
-    """Answer level 6: states at given times, crossings of beta = pi/2, and when the disk lies flat."""
+    """Answer the questions of level 6: states at given times, crossings of beta = pi/2, and when
+    the disk lies flat.
+    """
     names = "beta", "gamma", "v"
     Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
     answers = {"flat_time": np.full(len(Omega), np.nan)}
@@ -170,7 +175,8 @@ SECTIONS = (2, "gamma_bar_0", "v_0"), (1, "beta_bar_top", "v_top")
 
 
 def section_state(Omega, index, x, v):
-    """Return a state on a section with its variations.
+    """Return an orbit's start on a section, a state with its variations and the divergence's
+    integral.
 
     x is gamma - pi/2 for index 0, beta - pi/2 for index 1.
     """
@@ -181,7 +187,9 @@ def section_state(Omega, index, x, v):
 
 
 def section_return(rates, p, Omega, smooth, index, x, v, h=FLIGHT_STEP):
-    """Return the time, x, v and state at which an orbit returns to a section."""
+    """Fly from the point (x, v) of a section until the orbit returns to the section. Return the
+    time, x, v and state of the return.
+    """
     state = section_state(Omega, index, x, v)
     state = state[:3] if rates is flow else state
     time, end = fly_to(
@@ -249,9 +257,10 @@ def cycle_answers(p, Omega, smooth, index, time, x, v, end):
 
 
 def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
-    """Find a cycle and return the answers about it; for a fold, the cycle where dOmega/dx is zero.
+    """Find a limit cycle and return the answers to the questions about it, by name.
 
-    The answers are NaN where no cycle was found.
+    For a ``fold`` it is the cycle where dOmega/dx is zero. The answers are NaN where no cycle was
+    found.
     """
     # Stable cycles lie where returns begin to lead inward, unstable ones where they stop doing so.
     # The first return only lets the orbit settle.
@@ -295,27 +304,33 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
 
 
 def limit_cycle(p, smooth, given, asked):
-    """Answer level 7: the limit cycle."""
+    """Answer the questions of level 7 about the limit cycle at a speed."""
     return cycle(p, given["Omega"], smooth, 0, True)
 
 
 def near_heteroclinic(p, smooth, given, asked):
-    """Answer level 9: the limit cycle near Omega_h, on which errors grow next to the saddles."""
+    """Answer the questions of level 9: the limit cycle near Omega_h, on which errors grow next to
+    the saddles.
+    """
     return cycle(p, given["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
 
 
 def rotating_cycle(p, smooth, given, asked):
-    """Answer level 10: a rotating cycle."""
+    """Answer the questions of level 10 about a rotating cycle, the stable or the unstable one."""
     return cycle(p, given["Omega"], smooth, 1, given["form"] == "stable")
 
 
 def rotation_fold(p, smooth, given, asked):
-    """Answer level 10: the fold, reached from the unstable cycle at the Hopf point's speed."""
+    """Answer the questions of level 10 about the fold of rotating cycles, reached from the unstable
+    cycle at the Hopf point's speed.
+    """
     return cycle(p, critical_speed(p), smooth, 1, False, fold=True)
 
 
 def heteroclinic(p, smooth, given, asked):
-    """Answer level 8: Omega_h, by repeatedly cutting an interval that holds it into a hundred."""
+    """Answer the questions of level 8: find Omega_h by repeatedly cutting an interval that holds it
+    into a hundred.
+    """
     columns = tuple(parameter[:, np.newaxis] for parameter in p)
     low, width = 0.9 * critical_speed(p), 0.1 * critical_speed(p)
     for _ in range(5):
@@ -363,7 +378,7 @@ KINDS = {
 
 
 def answered(rows):
-    """Return the answers to a sheet's rows, by id; NaN for those without a value.
+    """Return the answers to all questions in a sheet's rows, by id; NaN for those without a value.
 
     Entries of one kind and friction law are computed together.
     """

@@ -77,7 +77,9 @@ Reading = tuple[list[Change], Made]
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """The failures at one level, with their causes as far as they are known."""
+    """The failed answers to the questions of one level, with their causes as far as
+    they are known.
+    """
 
     level: int
     sets: tuple[str, ...]
@@ -95,7 +97,7 @@ class Diagnosis:
 
     @property
     def few(self) -> int:
-        """The number of failed answers that have too few digits, but are not wrong."""
+        """The number of failed answers that are right but have too few digits."""
         return sum(grade.verdict == "few-digits" for grade in self.failed)
 
     @property
@@ -111,7 +113,9 @@ class Diagnosis:
         return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
     def says(self) -> str:
-        """Return one line of text: the failures, their causes, and what is unexplained."""
+        """Return the diagnosis of one level in one line of text: the failures, their causes, and
+        what is unexplained.
+        """
         both = len(self.frictions) > 1 or self.frictions == ("both",)
         laws = "both laws" if both else f"{self.frictions[0]} friction"
         text = (
@@ -152,7 +156,8 @@ class Diagnosis:
 
 
 class _Sheet:
-    """The diagnosis of one sheet: the changes found so far, and the tables that they explain.
+    """The diagnosis of one sheet of answers: the mistakes found so far, and the answers that they
+    explain.
 
     Args:
         tables: The graded answers. Their masks ``left`` of unexplained answers are changed in
@@ -172,9 +177,11 @@ class _Sheet:
         self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
-        """Return the diagnosis of one level, and keep the changes found for the later levels.
+        """Diagnose the wrong answers of one level, and keep the mistakes found for the later
+        levels.
 
-        The program is assumed to have the mistakes that were named at earlier levels.
+        The program that gave the answers is assumed to have the mistakes that were named at earlier
+        levels.
 
         Args:
             level: The level.
@@ -222,7 +229,8 @@ class _Sheet:
         )
 
     def explained(self, tables: Sequence[Table]) -> None:
-        """Look for causes of a level's wrong answers: changes of the equations, then relations.
+        """Look for mistakes that explain a level's wrong answers: changes of the equations, then
+        simple relations to right values.
 
         The changes and causes found are kept on this object. The answers that they explain are
         marked.
@@ -239,7 +247,8 @@ class _Sheet:
 
     @contextmanager
     def together(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
-        """Undo what the body of a with statement found if it explained only a part.
+        """Undo what the body of a with statement found if it explained only a part of answers that
+        belong together.
 
         Some answers belong together: either all of them are explained, or none. If any of them is
         still unexplained at the end, the changes, the causes and the marks are restored.
@@ -259,7 +268,8 @@ class _Sheet:
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
-        """Return the lists of known changes that a program may have under a friction law.
+        """Return the sets of known mistakes (changes of the equations) that a program may have
+        under a friction law, as lists.
 
         They are the changes known under this law, all known changes, and none, in this order. Equal
         lists occur once.
@@ -270,7 +280,9 @@ class _Sheet:
     def program(
         self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
     ) -> Values:
-        """Return a program: the right equations under a friction law, with some changes.
+        """Return the equations of a program with mistakes, ready for evaluation.
+
+        They are the right equations under a friction law, in which some changes have been made.
 
         Args:
             law: The friction law; the linear law unless it is "smooth".
@@ -287,11 +299,13 @@ class _Sheet:
         some: Iterable[Change],
         function: Callable[[Values], Results] | None = None,
     ) -> Array:
-        """Return the values that a program computes for a table's answers; NaN where it has none.
+        """Return the answers that a program with some mistakes would give to a table's questions.
+
+        They are NaN where the program computes no value.
 
         Args:
             table: The table, with the inputs of its entries.
-            some: The changes that the program has.
+            some: The changes of the equations that the program has.
             function: A function from the program's values to the quantities; by default the right
                 formulas.
         """
@@ -299,19 +313,22 @@ class _Sheet:
         return table.picked((function or PREDICTED[table.kind][0])(values))
 
     def consequences(self, tables: Sequence[Table]) -> None:
-        """Mark the answers in tables as explained that a program with the known changes gives."""
+        """Mark those wrong answers in tables as explained that follow from the mistakes known so
+        far.
+        """
         for table in tables if self.changes else ():
             for some in self.candidates(table.friction):
                 self.mark_explained(table, some)
 
     def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
-        """Mark the answers in a table as explained that the program with some changes gives.
+        """Mark those wrong answers in a table as explained that a program with some mistakes would
+        give.
 
         A quantity is marked if the program gives all of its unexplained answers.
 
         Args:
             table: The table.
-            some: The changes that the program has.
+            some: The changes of the equations that the program has.
         """
         if not table.left.any() or table.kind not in PREDICTED:
             return
@@ -325,10 +342,13 @@ class _Sheet:
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
-        """Search for changes that explain the quantities of some tables, one quantity at a time.
+        """Search for mistakes in the equations that explain wrong answers, one quantity at a time.
 
         The order is that of the equations. The changes found are kept on this object. The answers
         that they give are marked as explained.
+
+        Args:
+            tables: The tables of the answers.
         """
         posed = self.posed(tables) if _left(tables) else []
         for n in range(len(posed)):
@@ -343,7 +363,8 @@ class _Sheet:
         self.consequences(tables)
 
     def posed(self, tables: Sequence[Table]) -> list[tuple[Table, Problem]]:
-        """Return the quantities of tables that can be searched, as pairs of a table and a problem.
+        """Return the quantities of tables whose answers can be searched for mistakes in the
+        equations, as pairs of a table and a problem.
 
         A problem uses the known changes of the table's friction law, except at level 1, where it
         uses none.
@@ -357,7 +378,8 @@ class _Sheet:
         return found
 
     def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
-        """Find the fewest changes that give the answers to a quantity, and keep them as known.
+        """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
+        them as known.
 
         Known changes are tried first. Changes found for a derivative are kept as a cause only.
 
@@ -399,11 +421,12 @@ class _Sheet:
     def behind_right_answers(
         self, law: str, some: Sequence[Change], posed: Posed
     ) -> frozenset[str]:
-        """Return the names of the definitions behind the quantities that a program gives.
+        """Return the names of the definitions that need no change: those from which a program with
+        some mistakes computes quantities as they were answered.
 
         Args:
             law: The friction law of the program.
-            some: The changes that the program has.
+            some: The changes of the equations that the program has.
             posed: Tables and problems. Those under the other friction law are left out.
         """
         names = frozenset[str]()
@@ -415,7 +438,7 @@ class _Sheet:
 
     @np.errstate(all="ignore")
     def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
-        """Return other choices of the known changes that explain the same answers.
+        """Return other choices of the known mistakes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
         quantity for which it was found. The replacement has another effect on the quantity of
@@ -447,10 +470,11 @@ class _Sheet:
         return found
 
     def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
-        """Return True if the program with some changes gives the answers to a quantity.
+        """Return True if a program with some mistakes gives all answers to a quantity.
 
         Args:
-            changes: The changes by their friction laws. Those of the table's law are used.
+            changes: The changes of the equations by their friction laws. Those of the table's law
+                are used.
             table: The table with the quantity.
             problem: The answers to the quantity, and its definition.
         """
@@ -459,10 +483,13 @@ class _Sheet:
 
     # ---- digits and relations
     def lost(self, tables: Sequence[Table]) -> None:
-        """Mark quantities as explained that the mended program gives except for their last digits.
+        """Mark quantities as explained whose answers only lack their last digits.
 
-        Their relative errors are small, and too many of their answers fail. The number of right
-        digits becomes a cause.
+        They are compared with a program that has all mistakes found so far. Their relative errors
+        are small, and too many of their answers fail. The number of right digits becomes a cause.
+
+        Args:
+            tables: The tables of a level.
         """
         lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.left.any()):
@@ -483,18 +510,23 @@ class _Sheet:
             self.causes.append(("digits", says))
 
     def expected(self, table: Table) -> Array:
-        """Return the mended program's values for a table's answers; the truth where it has none."""
+        """Return the answers to a table's questions that follow from the mistakes found so far.
+
+        Where these mistakes predict no value, the truth is returned.
+        """
         predicted = self.predicted(table, self.candidates(table.friction)[0])
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
-        """Mark quantities as explained whose answers have a simple relation to right values.
+        """Mark quantities as explained whose wrong answers have a simple relation to right values,
+        such as the wrong sign.
 
         Each relation found becomes a cause. A relation of many quantities comes before one of few.
 
         Args:
             tables: The tables of a level.
-            mended: True to take the values of the mended program for the right ones.
+            mended: True to take the values that follow from the mistakes found so far for the right
+                ones.
         """
         groups: dict[str, list[Relation]] = {}
         some = [table for table in tables if table.left.any()]
@@ -525,11 +557,14 @@ class _Sheet:
                 one.table.left[one.answers] = False
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
-        """Return a change in words, with its friction law if the other law's tables do not have it.
+        """Return a sentence that describes a change of the equations, the likely mistake.
+
+        A friction law is added if the change is known under this law only, although the tables ask
+        for other laws too.
 
         Args:
             change: A known change.
-            tables: The tables of the level, from which the friction laws asked are taken.
+            tables: The tables of the level.
         """
         (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
         only = len(self.changes[change]) == 1 and {law} < every
@@ -537,7 +572,9 @@ class _Sheet:
 
 
 def _of_law(changes: Made, law: str) -> list[Change]:
-    """Return those of the changes that a friction law has, and those that both laws share."""
+    """Return the changes of the equations that are known under a friction law or under
+    both laws.
+    """
     return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
@@ -547,7 +584,8 @@ def _left(tables: Iterable[Table]) -> int:
 
 
 def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
-    """Return the sentence about a relation with the names of its quantities put in.
+    """Return the sentence about a relation of wrong answers, with the names of their quantities put
+    in.
 
     Args:
         says: The sentence, with {q} in place of the quantity.

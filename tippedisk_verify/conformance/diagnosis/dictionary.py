@@ -393,7 +393,9 @@ _SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
 @dataclass(frozen=True)
 class Change:
-    """A mistake: what is put in the place of some definitions, or of some of their terms."""
+    """A possible mistake in the equations: what is put in the place of some definitions, or of some
+    of their terms.
+    """
 
     pieces: tuple[Piece, ...]
     says: str
@@ -403,7 +405,8 @@ class Change:
 
     @property
     def order(self) -> tuple[int, bool, bool, int]:
-        """The sort key among changes with the same effect: the likelier ones first.
+        """The sort key by which changes with the same effect are ordered, the likelier mistakes
+        first.
 
         At the same rank, changes of a whole definition with a name come first, then missing or
         doubled terms, then changes of a later term.
@@ -417,12 +420,15 @@ class Change:
 
     @property
     def places(self) -> list[tuple[str, int | None]]:
-        """The definitions that are changed, each with the index of a term, or None for all."""
+        """The parts of the equations that are changed: names of definitions, each with the index of
+        a term, or None for all terms.
+        """
         return [(name, index) for name, index, _ in self.pieces]
 
 
 def changes(values: Values, names: Iterable[str]) -> list[Change]:
-    """Return all single changes of some definitions and inputs, each once.
+    """Return all possible mistakes in some definitions and inputs of the equations, as single
+    changes, each once.
 
     A change that would define a symbol by itself is left out.
 
@@ -450,7 +456,8 @@ def _of_inputs(says: str, puts: Mapping[str, str]) -> Change:
 
 
 def _of_definition(name: str, values: Values) -> Iterator[Change]:
-    """Yield the changes of one definition: of the whole sum, of each term, or by a common factor.
+    """Yield the possible mistakes in one definition: a change of the whole sum, of each term, or by
+    a common factor.
 
     Args:
         name: The name of the definition.
@@ -474,7 +481,7 @@ Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and ran
 
 @lru_cache(4096)
 def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
-    """Return the replacements of a term, each with a sentence and a rank.
+    """Return what people may write by mistake in place of a term, each with a sentence and a rank.
 
     Args:
         term: The term.
@@ -497,7 +504,8 @@ def _in_place(old: Term, new: Term, rank: int) -> Replacement:
 
 
 def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
-    """Yield the replacements of a term that change its number, or leave out the term.
+    """Yield possible mistakes in a term of the equations: another number or sign, or a missing or
+    doubled term.
 
     Args:
         term: The term.
@@ -515,7 +523,9 @@ def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
 
 
 def _other_factors(term: Term) -> Iterator[Replacement]:
-    """Yield the replacements of a term that replace a factor, change its power, or omit it."""
+    """Yield possible mistakes in a term of the equations that replace a factor, change its power,
+    or omit it.
+    """
     for name, power in term.factors:
         one = 1 if power > 0 else -1  # the power next to 0 with the same sign
         sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
@@ -537,7 +547,9 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
 
 
 def _exchanged_powers(term: Term) -> Iterator[Replacement]:
-    """Yield the replacements of a term in which two factors have exchanged their powers."""
+    """Yield possible mistakes in a term of the equations: two factors have exchanged
+    their powers.
+    """
     for (one, first), (two, second) in combinations(term.factors, 2):
         if first != second and first * second > 0:
             new = term.times(1.0, one, second - first).times(1.0, two, first - second)

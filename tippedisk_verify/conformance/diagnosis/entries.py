@@ -28,7 +28,9 @@ _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 @dataclass(frozen=True, eq=False)
 class Answered:
-    """Answers and what they are graded by, as arrays of the same length."""
+    """Answers together with the truth and the error that is allowed, as arrays of the
+    same length.
+    """
 
     answer: Array
     truth: Array
@@ -56,7 +58,8 @@ class Answered:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Table(Answered):
-    """A table: the answers to the questions of one kind under one friction law.
+    """The answers of a sheet to the questions of one kind under one friction law, with their
+    truths.
 
     ``answer``, ``truth``, ``allowed``, ``left``, ``names``, ``rows`` and ``scale`` have one element
     to an answer. The arrays in ``given`` have one element to an entry.
@@ -74,17 +77,19 @@ class Table(Answered):
 
     @cached_property
     def stems(self) -> Array:
-        """The quantity of each answer, without the place: beta for ``beta@0.5``."""
+        """The plain name of the quantity of each answer, such as beta for ``beta@0.5``."""
         return np.array([placed(name, self.kind)[0] for name in self.names])
 
     @cached_property
     def places(self) -> list[dict[str, str]]:
-        """The place of each answer by words: a time, the number of a crossing, or an order."""
+        """The place of each answer, as its quantity's name contains it: a time, the number of a
+        crossing, or an order, by words.
+        """
         return [placed(name, self.kind)[1] for name in self.names]
 
     @cached_property
     def later(self) -> Array:
-        """The mask of the answers to quantities that are explained after the others."""
+        """A mask of those answers whose quantities are diagnosed after the others."""
         return np.array([name.startswith(LATER) for name in self.names])
 
     @cached_property

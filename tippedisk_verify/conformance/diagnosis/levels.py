@@ -71,7 +71,7 @@ _TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
 def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values:
-    """Return the values of definitions for the inputs of a table's entries.
+    """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
         definitions: The definitions by name.
@@ -85,7 +85,8 @@ def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values
 
 # ---- what definitions predict
 def results(kind: str, values: Values) -> Results:
-    """Return the values of all quantities of a kind by name, one value to an entry.
+    """Return the values that a program computes for all quantities of a kind, by name, one value to
+    an entry.
 
     Args:
         kind: The kind of the questions, such as "rhs".
@@ -242,7 +243,8 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
 
 
 def radius_of(values: Values) -> Array:
-    """Return the radius [rad] of the circles about each entry's state.
+    """Return the radius [rad] of the circles in the complex plane about each entry's state, on
+    which functions are evaluated to differentiate them.
 
     It is small near sin(beta) = 0, where the orders diverge.
     """
@@ -412,10 +414,11 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 
 # ---- the searches
 def problems(table: Table, base: Values) -> list[Problem]:
-    """Return a problem for each quantity of a table that can be searched alone.
+    """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
-    They are in the order of the equations. A problem uses the answers to other quantities where its
-    definition contains these, so that their mistakes do not count again.
+    A problem has the answers to one quantity and its definition. They are in the order of the
+    equations. A problem uses the answers to other quantities where its definition contains these,
+    so that their mistakes do not count again.
 
     Args:
         table: The table.
@@ -450,7 +453,7 @@ def problems(table: Table, base: Values) -> list[Problem]:
 
 
 def _or_else(answers: Array, values: Any) -> Array:
-    """Return the answers, one to an entry, with ``values`` in place of missing ones."""
+    """Return answers, one to an entry, in which missing ones are replaced by ``values``."""
     return np.where(np.isfinite(answers), answers, values)
 
 

@@ -44,7 +44,9 @@ Set = tuple[Change, ...]
 
 @dataclass(frozen=True, eq=False)
 class Problem(Answered):
-    """The answers to one quantity, with its definition and its identity."""
+    """The answers to one quantity, with its definition and an identity that right
+    answers satisfy.
+    """
 
     name: str
     definition: str
@@ -53,7 +55,7 @@ class Problem(Answered):
 
     @np.errstate(all="ignore")
     def fits(self, values: Values) -> bool:
-        """Return True if a program gives all answers to the quantity.
+        """Return True if a program with mistakes would give all these answers to the quantity.
 
         Wrong answers must be ten times closer to its values than to the truth.
 
@@ -64,7 +66,9 @@ class Problem(Answered):
 
     @cached_property
     def sample(self) -> Array:
-        """The indices of the answers on which changes are tried: at most 40 wrong, 8 right."""
+        """The indices of the answers with which possible mistakes are tried: at most 40 wrong and 8
+        right ones.
+        """
         picked = []
         for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
@@ -74,7 +78,7 @@ class Problem(Answered):
     @cached_property
     @np.errstate(all="ignore")
     def most(self) -> int:
-        """The number of changes for which the wrong answers have enough evidence.
+        """The largest number of mistakes that the wrong answers are enough evidence for.
 
         Evidence is counted in digits of the error, and equal answers count once. The number is
         never larger than that of the answers in ``sample``.
@@ -86,7 +90,8 @@ class Problem(Answered):
 
 
 def likelihood(some: Iterable[Change]) -> list[int]:
-    """Return the sort key of a set of changes; likelier sets have lower keys.
+    """Return a key by which sets of changes are sorted: the likelier a set of mistakes, the lower
+    its key.
 
     Args:
         some: The changes of the set.
@@ -95,7 +100,8 @@ def likelihood(some: Iterable[Change]) -> list[int]:
 
 
 def with_changes(values: Values, some: Iterable[Change]) -> Values:
-    """Return a program in which several changes have been made, one after another.
+    """Return the equations of a program after several changes have been made in them, one after
+    another.
 
     Args:
         values: The program to be changed; it stays as it is.
@@ -107,7 +113,7 @@ def with_changes(values: Values, some: Iterable[Change]) -> Values:
 
 
 class Search:
-    """The search for the fewest changes that give the answers to a quantity.
+    """The search for the fewest changes of the equations that give the wrong answers to a quantity.
 
     The number of changes that it evaluates for a sheet is limited, so that it always ends in time.
 
@@ -155,7 +161,8 @@ class Search:
         return found
 
     def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
-        """Yield sets of changes whose effects cancel the residual, and which may give the answers.
+        """Yield sets of changes that may give the wrong answers to a quantity: their effects cancel
+        the residual.
 
         Args:
             of: The effects of all single changes.
@@ -173,7 +180,10 @@ class Search:
 
 
 class _Effects:
-    """The effects of all single changes on the residual, in units of the allowed error.
+    """The effects of all single changes of the equations on the residual of the answers to a
+    quantity.
+
+    They are in units of the allowed error.
 
     Args:
         problem: The answers to a quantity, and its identity.
@@ -204,13 +214,16 @@ class _Effects:
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
 
     def fits(self, some: Set) -> bool:
-        """Return True if a set of changes gives all answers, with enough evidence for its size."""
+        """Return True if a program with a set of changes gives all answers to the quantity, and
+        these are enough evidence for so large a set.
+        """
         return len(some) <= self.problem.most and self.problem.fits(
             with_changes(self.program, some)
         )
 
     def total(self, values: Values) -> Array:
-        """Return the value of the identity for each answer of the sample; 0 for right answers.
+        """Return the value of the quantity's identity for each answer of the sample; it is 0 for an
+        answer that the program gives.
 
         Args:
             values: The program with the inputs and the answers of the sample.
@@ -218,7 +231,8 @@ class _Effects:
         return np.real(values.total(self.identity)[0] + 0 * values.given["answer"])
 
     def sums(self, size: int, highest: int) -> Iterator[Set]:
-        """Yield the sets of changes whose effects cancel the residual, the likeliest first.
+        """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
+        first.
 
         Nothing is yielded if too many sets have nearly the right sum.
 
@@ -263,7 +277,8 @@ class _Effects:
         return len(set(places)) == len(places) and bool((left <= room).all())
 
     def solved(self) -> Iterator[Set]:
-        """Yield, for each parameter, a change to the value that cancels the largest residual.
+        """Yield possible mistakes in the inputs: for each parameter, a wrong value that cancels the
+        largest residual of the answers.
 
         The value is found by the secant method, and rounded to six digits.
         """
@@ -282,7 +297,9 @@ class _Effects:
                 yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
 
     def firsts(self) -> list[Change]:
-        """Return up to twelve likely changes with effects nearly parallel to the residual."""
+        """Return up to twelve likely changes whose effects are nearly parallel to the answers'
+        residual.
+        """
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         pairs = zip(-along, self.changes, strict=True)

@@ -154,7 +154,7 @@ _WORDS = (
 
 
 class Relation(NamedTuple):
-    """A relation that gives the wrong answers to a quantity."""
+    """A simple relation to right values that the wrong answers to a quantity have."""
 
     rank: float  #: lower is likelier
     says: str  #: sentence with {q} for the quantity
@@ -167,7 +167,8 @@ Prediction = tuple[float, str, Array]  #: rank, sentence, and answers; NaN for n
 
 
 def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Prediction]:
-    """Yield the answers that each relation predicts, with the relation's rank and sentence.
+    """Yield the answers that would be given under each known relation to the right values, with the
+    relation's rank and sentence.
 
     Args:
         table: The answers.
@@ -190,7 +191,8 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
 
 
 def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
-    """Yield exchanges of questions, each as a rank, a sentence, and a list of ids.
+    """Yield the ways in which questions may have been exchanged, each as a rank, a sentence, and a
+    list of ids.
 
     The list has, for each answer, the id of the question whose right value stands in its place.
     """
@@ -209,7 +211,7 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
 
 
 def _put(match: re.Match[str], others: Mapping[str, str]) -> str:
-    """Return the matched text with the word of group 1 replaced.
+    """Return the text that a regular expression has matched, with the word of its group 1 replaced.
 
     Args:
         match: The match.
@@ -264,10 +266,14 @@ def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
 
 
 def _rounded(table: Table) -> Iterator[Prediction]:
-    """Yield predictions of rounded and truncated answers.
+    """Yield the answers that would be given if right values were rounded or truncated.
 
-    Such answers are multiples of a decimal unit. They lie within half a unit (rounded) or one unit
-    (truncated) of the right value. Elsewhere the prediction is the right value.
+    Rounded and truncated answers are multiples of a decimal unit. They lie within half a unit
+    (rounded) or one unit (truncated) of the right value. Elsewhere the prediction is the right
+    value.
+
+    Args:
+        table: The answers.
     """
     x, answer = table.truth, table.answer
     size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1

@@ -58,10 +58,11 @@ def _flown(
 
 @np.errstate(all="ignore")
 def recognised_method(table: Table) -> str:
-    """Return a sentence about the integrator whose errors the answers have; "" if there is none.
+    """Return a sentence that names the fixed-step integrator whose errors the answers have.
 
-    The errors of the first sample in time are compared, for up to three trajectories. If a method
-    is found, all answers in the table are marked as explained.
+    The sentence is empty if none is recognised. The errors of the first sample in time are
+    compared, for up to three trajectories. If a method is found, all answers in the table are
+    marked as explained.
 
     Args:
         table: The answers about trajectories.

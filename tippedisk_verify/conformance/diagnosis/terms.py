@@ -33,7 +33,7 @@ _ONE = ("", "1")  #: names that stand for no factor
 
 
 class Term(NamedTuple):
-    """A number times factors, each with its power."""
+    """A product in an equation: a number times factors, each with its power."""
 
     number: float
     factors: tuple[tuple[str, int], ...]
@@ -96,7 +96,7 @@ _WORD = re.compile(rf"(?:[^\s()]|\({_NESTED}\))+")
 
 @cache
 def parsed(text: str) -> Terms:
-    """Return the terms of a sum that is written as text."""
+    """Return the terms of a sum that is written as text, such as ``m r^2 - e``."""
     terms, power, term = list[Term](), 1, Term(1.0, ())
     for word in _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip())):
         if word in "+-":
@@ -115,7 +115,7 @@ def parsed(text: str) -> Terms:
 
 @cache
 def shown(terms: Terms) -> str:
-    """Return a sum as text, in the notation that `parsed` reads, without ``given``."""
+    """Write a sum of terms as text, in the notation that `parsed` reads, without ``given``."""
     text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
 
@@ -145,7 +145,10 @@ _IMAGINARY_STEP = 1e-30
 
 @dataclass(eq=False)
 class Values:
-    """The values of definitions for given inputs, each computed once, on demand."""
+    """The values of the definitions in a set of equations, for given inputs.
+
+    Each is computed once, on demand.
+    """
 
     definitions: Definitions
     given: Mapping[str, Any]
@@ -153,11 +156,13 @@ class Values:
     known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
     def at(self, **inputs: Any) -> Values:
-        """Return the values of the same definitions for other or additional inputs."""
+        """Return the values of the same equations for other or additional inputs."""
         return Values(self.definitions, {**self.given, **inputs})
 
     def holding(self, **inputs: Any) -> Values:
-        """Return the values with inputs in place of the definitions of the same names."""
+        """Return the values of the equations when some definitions are replaced by inputs of the
+        same names.
+        """
         kept = {name: terms for name, terms in self.definitions.items() if name not in inputs}
         return Values(kept, {**self.given, **inputs})
 
@@ -167,12 +172,16 @@ class Values:
         return self.known[name][0]
 
     def behind(self, name: str) -> frozenset[str]:
-        """Return the names from which a value is computed: definitions, inputs, and its own."""
+        """Return the names of all definitions and inputs from which a value is computed, its own
+        among them.
+        """
         self[name]
         return self.known[name][1]
 
     def terms(self, name: str) -> Terms:
-        """Return the terms of a definition or a sum in parentheses; () for other names."""
+        """Return the terms of a definition by its name, or those of a sum in parentheses; () for
+        other names.
+        """
         found = self.definitions.get(name, ())
         return parsed(name[1:-1]) if name.startswith("(") and not found else found
 
@@ -205,7 +214,8 @@ class Values:
         return value, names | {name}
 
     def changed(self, pieces: Sequence[Piece]) -> Values:
-        """Return the values after a change of definitions; this object stays as it is.
+        """Return the values of the equations after a change of definitions; this object stays as it
+        is.
 
         Values that do not depend on the changed definitions are not computed again.
 
@@ -224,6 +234,6 @@ class Values:
 
 
 def written(lines: str) -> dict[str, Terms]:
-    """Return the definitions in a text by name, one definition to a line."""
+    """Read definitions of equations from a text, one to a line: return their terms by name."""
     pairs = (line.split(" = ", 1) for line in lines.strip().splitlines() if line.strip())
     return {name.strip(): parsed(text) for name, text in pairs}

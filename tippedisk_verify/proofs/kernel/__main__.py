@@ -14,7 +14,9 @@ from tippedisk_verify.proofs.kernel.certificates import Refused, Unproved, check
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Check one file and return the exit status."""
+    """Check one certificate file, print what it proves or why it fails, and return the
+    exit status.
+    """
     named = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if len(named) != 1:

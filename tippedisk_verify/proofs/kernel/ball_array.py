@@ -74,7 +74,10 @@ _STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + st
 
 
 def _require_rounding_to_nearest() -> None:
-    """Raise DisturbedError unless this process rounds to nearest: otherwise (1) would need 2 u."""
+    """Raise DisturbedError unless floating-point arithmetic in this process rounds to nearest.
+
+    In another rounding mode the error bound (1) of this module would need 2 u in place of u.
+    """
     if (1 + _STEPS != _STEPPED).any():
         raise DisturbedError(
             "this process does not round to nearest: proofs in doubles are not possible in it"
@@ -83,10 +86,12 @@ def _require_rounding_to_nearest() -> None:
 
 @contextmanager
 def quiet() -> Iterator[None]:
-    """Suppress numpy's warnings: overflow and NaN become infinite radii.
+    """Suppress numpy's floating-point warnings within a with block about operations on these
+    arrays.
 
-    Every operation on these arrays enters this context; entering it once around many saves time.
-    Raises DisturbedError if this process does not round to nearest.
+    Overflow and NaN become infinite radii, so the warnings are not needed. Every operation on these
+    arrays enters this context; entering it once around many saves time. Raises DisturbedError if
+    this process does not round to nearest.
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
@@ -98,7 +103,9 @@ def quiet() -> Iterator[None]:
 
 
 def quieted(function: _F) -> _F:
-    """Decorate an operation on these arrays so that it runs within `quiet`."""
+    """Decorate an operation on arrays of balls so that it runs within `quiet`, without numpy's
+    warnings.
+    """
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
@@ -149,20 +156,22 @@ class BallArray:
 
     @property
     def midpoints(self) -> Array:
-        """The midpoints; those of infinite balls have no meaning."""
+        """The midpoints of the balls; those of infinite balls have no meaning."""
         return self._mid
 
     @property
     def radii(self) -> Array:
-        """The radii: never negative, never NaN, infinite where nothing is known."""
+        """The radii of the balls: never negative, never NaN, infinite where nothing is known."""
         return self._rad
 
     def mid(self) -> BallArray:
-        """Return the midpoints as exact balls (infinite where the ball is)."""
+        """Return the midpoints of the balls as balls of radius zero (infinite where the
+        ball is).
+        """
         return BallArray(np.where(self._rad < np.inf, self._mid, np.nan))
 
     def rad(self) -> BallArray:
-        """Return the radii as exact balls (infinite where the ball is)."""
+        """Return the radii of the balls as balls of radius zero (infinite where the ball is)."""
         return BallArray(self._rad)
 
     def is_finite(self) -> NDArray[np.bool_]:
@@ -173,12 +182,14 @@ class BallArray:
         return len(self._mid)
 
     def __getitem__(self, places: Any) -> BallArray:
-        """Return the balls of a slice, a mask or a list of indices."""
+        """Return some of the array's balls: those of a slice, a mask or a list of indices."""
         return trusted(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
-        """Return an empty series of the same width, reusing the memory of ``old`` if its width
-        fits.
+        """Return an empty power series, whose coefficients will be arrays of as many balls as this
+        one.
+
+        The memory of ``old``, a series no longer needed, is reused if its width fits.
         """
         # Imported here, because that module imports this one
         from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
@@ -228,7 +239,7 @@ class BallArray:
     __rmul__ = __mul__
 
     def _scaled(self, factor: float) -> BallArray:
-        """Multiply by an exact float that is 0 or not subnormal."""
+        """Return the balls multiplied by an exact float, which must be 0 or not subnormal."""
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
         return with_rounding(self._mid * factor, self._rad * abs(factor))
@@ -248,7 +259,8 @@ class BallArray:
 
     @quieted
     def __truediv__(self, other: Any) -> BallArray:
-        """Divide; the quotient is infinite where the divisor's ball holds 0.
+        """Return balls that hold the quotients by ``other``; they are infinite where the divisor's
+        ball holds 0.
 
         If |b| > rb, then (a + s) / (b + t) - a / b = (s - (a / b) t) / (b + t) is at most
 
@@ -275,18 +287,18 @@ class BallArray:
         return _operand(other) / self
 
     def sin(self) -> BallArray:
-        """Return the sine; infinite for midpoints beyond 2^18."""
+        """Return balls that hold the sine of these balls; infinite for midpoints beyond 2^18."""
         return self._turned(0)
 
     def cos(self) -> BallArray:
-        """Return the cosine; infinite for midpoints beyond 2^18."""
+        """Return balls that hold the cosine of these balls; infinite for midpoints beyond 2^18."""
         return self._turned(1)
 
     @quieted
     def _turned(self, quarters: int) -> BallArray:
         """Return sin(x + quarters pi/2) for these balls x; with 1 quarter that is the cosine.
 
-        It is sin(y + j pi/2), where x = y + n pi/2 and j = n + quarters.
+        Let x = y + n pi/2 and j = n + quarters. Then the result is sin(y + j pi/2).
 
         Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
         Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at
@@ -305,7 +317,7 @@ class BallArray:
         return with_rounding(np.where(j >= 2, -value, value), radius)
 
     def __pow__(self, power: int) -> BallArray:
-        """Raise to a positive integer power, by repeated squaring."""
+        """Return the balls raised to a positive integer power, by repeated squaring."""
         half = self ** (power // 2) if power > 1 else self
         if power < 2:
             return self
@@ -313,13 +325,15 @@ class BallArray:
 
     @quieted
     def abs_upper(self) -> BallArray:
-        """Return an upper bound of the absolute values, as an exact ball (infinite where the ball
-        is).
+        """Return upper bounds of the absolute values of the balls, as balls of radius zero
+        (infinite where the ball is).
         """
         return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
 
     def around_zero(self) -> BallArray:
-        """Return the ball about 0 that reaches `abs_upper`."""
+        """Return balls about 0 whose radii are `abs_upper`, the upper bounds of the absolute
+        values.
+        """
         return BallArray(np.zeros(len(self)), self.abs_upper()._mid)
 
     def constant(self, value: Any) -> BallArray:
@@ -371,9 +385,9 @@ class BallArray:
 
 
 def _doubles(values: Any) -> Array:
-    """Return an array of doubles.
+    """Convert floats to an array of doubles.
 
-    Other kinds of numbers are refused: conversion might round them.
+    Other kinds of numbers are refused with a TypeError: conversion might round them.
     """
     many = values if isinstance(values, Sequence) else [values]
     if not (
@@ -396,11 +410,12 @@ def trusted(mid: Array, rad: Array) -> BallArray:
 
 
 def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
-    """Return the result of an operation, with the midpoint's rounding added to the radius.
+    """Return an array of balls for the rounded result of an operation.
 
-    ``radius`` is a new array, computed from the operands' radii, and is overwritten. The factor
-    ``up`` outweighs the radius's own roundings. If the midpoint is not finite, the radius becomes
-    infinite: fmin turns NaN into infinity.
+    The rounding error of the midpoint ``middle`` is added to ``radius``, a new array computed from
+    the operands' radii, which is overwritten. The factor ``up`` outweighs the radius's own
+    roundings. If the midpoint is not finite, the radius becomes infinite: fmin turns NaN into
+    infinity.
     """
     rounding = np.abs(middle)
     rounding *= _U
@@ -411,7 +426,7 @@ def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
 
 
 def _exact_float(value: Any) -> float | None:
-    """Return an integer or float as a float if that is exact, otherwise None.
+    """Convert an integer or float to a float if that is exact; otherwise return None.
 
     Subnormal floats and 0.0 also give None, because some processors do not tell them apart.
     """

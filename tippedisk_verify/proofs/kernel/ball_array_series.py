@@ -39,12 +39,12 @@ class BallArraySeries(Sequence[BallArray]):
 
     @property
     def width(self) -> int:
-        """The number of balls in an array."""
+        """The number of balls in each coefficient of the series."""
         return int(self._rows.shape[2])
 
     @quieted
     def append(self, ball: BallArray) -> None:
-        """Append a copy of the ball."""
+        """Append a copy of an array of balls as the next coefficient of the series."""
         if self._length == self._rows.shape[1]:
             self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
         mid, size, spread, upper, rad = self._rows[:, self._length]
@@ -58,18 +58,17 @@ class BallArraySeries(Sequence[BallArray]):
         self._length += 1
 
     def clear(self) -> None:
-        """Remove all coefficients, and keep their memory."""
+        """Remove all coefficients of the series, and keep their memory."""
         self._length = 0
 
     def __len__(self) -> int:
         return self._length
 
     def __getitem__(self, index: Any) -> Any:
-        """Return one coefficient or a series of several, as views that are valid until the next
-        `clear`.
+        """Return one coefficient of the series, or a part of the series.
 
-        In a part of a series each s is large enough: its new place is no later than its old one,
-        and s grows with the place.
+        Both are views that are valid until the next `clear`. In a part of a series each s is large
+        enough: its new place is no later than its old one, and s grows with the place.
         """
         rows = self._rows[:, : self._length]
         if isinstance(index, slice):

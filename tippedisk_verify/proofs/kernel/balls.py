@@ -59,7 +59,7 @@ _MIN_BITS, _MAX_BITS = 24, 1_000_000
 
 
 class Unproved(Exception):
-    """Raised if an inequality could not be shown; the message names it."""
+    """Raised if an inequality that a proof needs could not be shown; the message names it."""
 
 
 class DisturbedError(ArithmeticError):
@@ -76,7 +76,7 @@ def require(verified: object, what: str) -> None:
 
 @contextmanager
 def working_precision(bits: int) -> Iterator[None]:
-    """Set Arb's working precision within the block, and restore it afterwards.
+    """Set Arb's working precision [bits] within a with block, and restore it afterwards.
 
     Another thread's block begins when this one has ended. Raises ValueError outside 24 … 1,000,000.
     """
@@ -94,7 +94,8 @@ def working_precision(bits: int) -> Iterator[None]:
 
 @contextmanager
 def series_length(length: int) -> Iterator[None]:
-    """Let Arb's series keep ``length`` coefficients within the block, and restore the old length.
+    """Let Arb's power series keep ``length`` coefficients within a with block, and restore the old
+    length.
 
     Another thread's block begins when this one has ended.
     """
@@ -112,7 +113,8 @@ def working_bits() -> int:
 
 
 def coefficient(series: Any, power: int) -> Any:
-    """Return a coefficient of a series; a number counts as a constant series.
+    """Return the coefficient of a ``power`` in a power series of Arb's; a number counts as a
+    constant series.
 
     Raises DisturbedError for a coefficient beyond the series' length, which python-flint would read
     as an exact zero.
@@ -162,7 +164,7 @@ def _rational(value: Fraction) -> Any:
 
 
 def ball_constants(parameters: Any) -> Any:
-    """Return balls that hold the exact constants of ``parameters``, at the working precision."""
+    """Return a disk's constants as balls that hold the exact values, at the working precision."""
     exact = parameters.rational()
     return type(exact)(*map(ball, exact))
 
@@ -188,7 +190,8 @@ def inside(x: Any, y: Any) -> Any:
 
 
 def upper(x: Any) -> Any:
-    """Return a float near the largest absolute value in the ball ``x``, for choices only.
+    """Return a float near the largest absolute value in the ball ``x``, to guide choices in a
+    proof.
 
     It is no proved bound. For an array of balls the result is an array of floats.
     """
@@ -236,7 +239,9 @@ def intersection(x: Any, y: Any) -> Any:
 
 
 def is_ball_array(x: object) -> bool:
-    """Return True for a `ball_array.BallArray`, for which predicates answer ball by ball."""
+    """Return True if ``x`` is a `ball_array.BallArray`, for which predicates answer
+    ball by ball.
+    """
     return hasattr(x, "midpoints")
 
 

@@ -139,7 +139,10 @@ class Curve:
 
     @property
     def numbers(self) -> tuple[Jet, ...]:
-        """The numbers in the equations, in the order of `columns`, with their deviations."""
+        """The curve's numbers on which the equations of motion depend, each with its deviation.
+
+        They are in the order of `columns`. Here Omega is the only one.
+        """
         return (self.omega + self.deviation[2],)
 
     def trace(self, matrix: Matrix) -> Jet:
@@ -160,7 +163,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class CurveFlight:
-    """The proved properties of the orbits from a curve of starts, as jets, for each s.
+    """The proved properties of all orbits from a curve of starts over half a period, as jets in s.
 
     ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits
     return after ``own_time``. The others hold for all orbits from the curve and the deviations
@@ -177,7 +180,7 @@ class CurveFlight:
 
 
 class CurveReplay:
-    """The proposer of a flight that replays a log.
+    """A source of the steps of one flight, which repeats those that a certificate's log records.
 
     The log contains, as decimals, the share of each step and, except for the last, the axes.
     """
@@ -205,7 +208,9 @@ class CurveReplay:
 
 
 class _Equations:
-    """The equations of motion for the curve's speeds: for each s, and over the ranges for all s."""
+    """The equations of motion at the speeds of a curve of starts, for each s and over all s at
+    once.
+    """
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
         self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
@@ -216,9 +221,9 @@ class _Equations:
 
 
 class CurvePath(Path):
-    """The flight of all orbits from a curve and its deviations.
+    """The flight of all orbits that start on a curve or in the box of deviations about it.
 
-    For each s the steps have lengths of their own.
+    For each parameter s of the curve the steps have lengths of their own.
     """
 
     def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
@@ -234,18 +239,25 @@ class CurvePath(Path):
         self.total = curve.total
 
     def _spent(self) -> None:
-        """Return None, so the path goes on even with wide boxes: s places an orbit in them."""
+        """Return None: this path never ends because its boxes are wide.
+
+        Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
+        """
 
     def step_of(self, trial: Trial, share: float) -> Step:
-        """Return the step of ``trial`` over a share of the time of flight, proved or not."""
+        """Return a step of the flight, proved or not, whose length is a ``share`` of the time of
+        flight.
+
+        ``trial`` holds the Taylor series from which the step is made.
+        """
         return trial.tested((self.total * share).mid())
 
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
-    """Yield beta_bar and its derivatives for each part of a step in which v may be 0.
+    """Yield beta_bar and its derivatives for each part of a step in which v may be 0, so that
+    beta_bar may be largest or least.
 
-    The derivatives are those at a fixed time, with respect to the curve's three numbers. beta_bar
-    can be largest or least in these parts only.
+    The derivatives are those at a fixed time, with respect to the curve's three numbers.
     """
     nothing = 0 * step.length.c[0]
     open_parts = [(0.0, 1.0)]
@@ -267,7 +279,8 @@ def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
 
 
 def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
-    """Enclose the half map over the curve and its deviations.
+    """Enclose the half map, from section to section, for all starts on a curve and in the box about
+    it.
 
     ``choices`` is a `flow.StepProposer` whose steps come from `CurvePath.step_of`. Raises Unproved,
     with the number of the step that fails.
@@ -298,7 +311,16 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
 
 
 def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) -> CurveFlight:
-    """Enclose the return to the section within the last step, and return all that is proved."""
+    """Return the proved properties of a flight whose orbits return to the section in its last step.
+
+    The return is enclosed within that step.
+
+    Args:
+        path: The flight up to the last step.
+        step: The last step.
+        least: A ball whose lowest number is a lower bound of beta_bar so far.
+        turning: The steps that hold all moments with v = 0.
+    """
     states, length = step.frame, step.length
     tau = (path.total - path.time).mid()
     centre, rows = step.centre(tau), step.rows_at(tau)
@@ -329,7 +351,7 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
 
 @dataclass(frozen=True)
 class Arc:
-    """The result of Krawczyk's test of an arc of cycles over a curve with the parameter s.
+    """The result of Krawczyk's test of a curve of approximate limit cycles with the parameter s.
 
     If ``included``, there is exactly one cycle in the box for each s.
     """
@@ -354,11 +376,14 @@ class Arc:
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
-        """Return the trace of the half map's derivative P' by (gamma_bar, v), as a jet in s."""
+        """Return the trace of the half map's derivative with respect to (gamma_bar, v) at the arc's
+        cycles, as a jet in s.
+        """
         return self.curve.trace(self.flight.matrix)
 
     def stable(self) -> bool | None:
-        """Return True if all cycles are asymptotically stable, False if none is, None if undecided.
+        """Return True if all limit cycles of the arc are proved asymptotically stable, False if all
+        are proved not to be, None if neither is proved.
 
         For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
@@ -370,7 +395,8 @@ class Arc:
         return False if negative(1 - trace) or negative(1 + trace) else None
 
     def falling(self) -> bool | None:
-        """Return True if Omega falls all along the arc as gamma_bar_0 grows.
+        """Return True if the speed Omega is shown to fall all along the arc as the amplitude
+        gamma_bar_0 grows.
 
         Returns False if Omega rises, and None if neither is shown.
         """
@@ -380,12 +406,14 @@ class Arc:
         return False if positive(slope) else None
 
     def slowing(self) -> bool:
-        """Return True if the period grows with gamma_bar_0 all along the arc."""
+        """Return True if the period is shown to grow with the amplitude gamma_bar_0 all along the
+        arc.
+        """
         return bool(positive(self.period_slope().range()))
 
     def widening(self) -> bool:
-        """Return True if beta_max grows with gamma_bar_0 all along the arc, except at the Hopf
-        point.
+        """Return True if beta_max is shown to grow with the amplitude gamma_bar_0 all along the
+        arc, except at the Hopf point.
         """
         for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
@@ -395,7 +423,9 @@ class Arc:
 
 
 def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
-    """Apply Krawczyk's test for cycles to a curve of starts and speeds, for all s at once.
+    """Test by Krawczyk's operator if one limit cycle lies in the box about each point of a curve.
+
+    The curve consists of starts and speeds with a parameter s; all s are tested at once.
 
     Args:
         constants: Balls of the disk's constants.

@@ -85,8 +85,8 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
 
 
 def outward(value: Any) -> tuple[float, float]:
-    """Return the midpoint and radius, as doubles, of a ball that holds a number or one of Arb's
-    balls.
+    """Convert a number or one of Arb's balls to a ball in doubles that holds it: return midpoint
+    and radius.
 
     The radius is infinite if the number is too large. Neither result is subnormal.
     """

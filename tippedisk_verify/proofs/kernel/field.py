@@ -46,7 +46,7 @@ UNITS = {
 
 
 class FieldConstants(NamedTuple):
-    """The constants of a disk in the equations of motion, all in one arithmetic."""
+    """The constants of a disk that its equations of motion need, all in one arithmetic."""
 
     r: Any  #: disk radius [m]
     e: Any  #: eccentricity [m]
@@ -59,7 +59,8 @@ class FieldConstants(NamedTuple):
 
 
 def constants(disk: Mapping[str, str]) -> FieldConstants:
-    """Return balls that hold the constants of a disk, given its eight exact numbers.
+    """Convert the eight exact numbers of a disk to balls of the constants in its equations of
+    motion.
 
     Raises Unproved if no disk has these numbers.
     """
@@ -76,7 +77,8 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
 def field(
     ops: Any, constants: Any, omega: Any, law: Any = "linear"
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
-    """Return a function from states to rates (beta', gamma', v') [rad/s, rad/s, rad/s^2].
+    """Return the vector field of the motion: a function from states to rates (beta', gamma', v')
+    [rad/s, rad/s, rad/s^2].
 
     Args:
         ops: Provides sin and cos for the numbers of the state.
@@ -122,8 +124,8 @@ def field(
 
 
 def one_sided(side: int) -> Law:
-    """Return the analytic law of a ``side``, 1 or -1: the smooth law where gamma_y has that
-    sign.
+    """Return the analytic friction law of one side: the smooth law where gamma_y has the sign
+    ``side``, 1 or -1.
     """
     return lambda ops, constants, omega: field(ops, constants, omega, side)
 

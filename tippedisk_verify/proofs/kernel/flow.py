@@ -52,34 +52,40 @@ class FlowStatus(Enum):
 
 
 class StepProposer(Protocol):
-    """The source of a flight's choices: a search, or a reader of a certificate.
+    """The interface of an object that chooses the time steps and axes of a proved flight.
 
-    Any answer is safe.
+    It is a search or a reader of a certificate. Any choice is safe, because each step is tested.
     """
 
     def step(self, path: Path, longest: Any) -> Step | None:
-        """Return a step of at most ``longest`` seconds, made by `Path.trial`; None to give up.
+        """Return the next step of the path, of at most ``longest`` seconds, or None to give up.
 
-        The flight asks again, for a shorter step, if it cannot use this one.
+        The step is made by `Path.trial`. The flight asks again, for a shorter step, if it cannot
+        use this one.
         """
         ...
 
     def beyond(self) -> StepProposer:
-        """Return the proposer of the steps after a change of side."""
+        """Return the proposer of the part of a step after the sliding velocity has changed its
+        sign.
+        """
         ...
 
     def axes(
         self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
     ) -> Sequence[Sequence[Any]]:
-        """Return the axes of a set: points, the columns of a regular matrix
+        """Return new axes for the box of a set of states: the columns of a regular matrix of points
         (`frame.Frame.carried`).
 
-        ``stiffness`` [1/s] weighs velocities against angles.
+        Args:
+            turned: The old axes as the flow has moved them, a matrix of balls.
+            sizes: The sizes of the set along the old axes.
+            stiffness: The factor [1/s] that weighs velocities against angles.
         """
         ...
 
     def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
-        """Record that the path has taken the step."""
+        """Record that the path has taken the step, with these axes at its end."""
         ...
 
 
@@ -112,7 +118,9 @@ class Model:
         self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
 
     def orbit_at(self, omega: Any) -> System:
-        """Return the system of the states alone, without derivatives, at another speed."""
+        """Return the equations of motion (a `System`) of the states alone, without derivatives, at
+        another speed.
+        """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(graph, variables, self._rates(graph, graph.number(omega), variables))
@@ -120,7 +128,8 @@ class Model:
     def path(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
     ) -> Path:
-        """Return the path of all orbits from a box of states, before its first step.
+        """Return the proved flight (a path, before its first step) of all orbits from a box of
+        states.
 
         ``proposer`` chooses the steps. With ``derivatives``, the path carries those of the states.
         """
@@ -131,7 +140,9 @@ class Model:
         return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Return (beta', gamma', v') [rad/s, rad/s, rad/s^2] on balls."""
+        """Return the rates of motion (beta', gamma', v') [rad/s, rad/s, rad/s^2] at a state of
+        balls.
+        """
         return self.law(BallOps, self.constants, self.omega)(*state)
 
 
@@ -166,18 +177,22 @@ class Path:
 
     @property
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """The derivatives (3, 4) of the state with respect to start and Omega."""
+        """The derivatives (3, 4) of the path's current states with respect to their start and
+        Omega.
+        """
         return self.frame.matrix()
 
     def trial(self, orders: tuple[int, int]) -> Trial:
-        """Return the Taylor series of two ``orders`` from here, on which step lengths are tried.
+        """Return the Taylor series from the path's current states, on which step lengths are tried.
 
-        The first order is that of the midpoint's orbit, the second that of the orbits from the box.
+        The first of the ``orders`` is that of the midpoint's orbit, the second that of the orbits
+        from the box.
         """
         return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
-        """Return a step of at most ``longest`` seconds, not yet taken.
+        """Ask the proposer for the next step of the path, of at most ``longest`` seconds, and
+        return it without taking it.
 
         If no step is proved, sets ``status`` and returns None.
         """
@@ -203,7 +218,9 @@ class Path:
         return FlowStatus.STEP_LIMIT if self.steps >= _MAX_STEPS else None
 
     def carried(self, step: Step, time: Any = None) -> Frame:
-        """Return the set of the states after ``time`` [s] in the step, or at the step's end."""
+        """Return the set of the states (a `Frame`) after ``time`` [s] in the step, or at the step's
+        end if the time is left out.
+        """
         stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(
@@ -211,7 +228,9 @@ class Path:
         )
 
     def take(self, step: Step, time: Any = None) -> None:
-        """Move the path to the step's end, or to ``time`` (a number or ball) within the step."""
+        """Move the path forward to the end of a step, or to ``time`` (a number or ball) within the
+        step.
+        """
         moment = alike(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
         self.proposer.took(step, [[*row] for row in frame.axes])

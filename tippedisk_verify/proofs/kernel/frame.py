@@ -33,8 +33,10 @@ Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
-    """A set of states, with their derivatives (3, 4) with respect to the start's three coordinates
-    and Omega.
+    """A set of states of a flight, enclosed as middle + lead d + axes q for all d and q in two
+    boxes.
+
+    It also holds their derivatives (3, 4) with respect to the start's three coordinates and Omega.
 
     In a set over a curve (`curves`), middle and lead are jets, and the deviations differ. Its
     ``own`` is the part of ``rest`` that belongs to the middle's own orbits.
@@ -59,7 +61,9 @@ class Frame:
         self.spread: Matrix = [[zero] * 4 for _ in range(3)]
 
     def box(self) -> tuple[Any, ...]:
-        """Return a box that holds all states and the middle."""
+        """Return a box, one ball for each coordinate, that contains all states of the set and its
+        middle.
+        """
         parts = zip(
             self.middle,
             _applied(self.lead, self.deviation),
@@ -69,13 +73,15 @@ class Frame:
         return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
 
     def matrix(self) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives of all states with respect to the deviations."""
+        """Return the derivatives of the set's states with respect to the deviations of start and
+        Omega.
+        """
         return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
-        """Return a box of the states' images under a map.
+        """Return a box that holds the images of all states of the set under a map.
 
-        ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4) with
+        ``centre`` is the image of the set's middle, and ``rows`` the map's derivatives (3, 4) with
         respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
@@ -85,7 +91,8 @@ class Frame:
         return tuple(a + b + c for a, b, c in parts)
 
     def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
-        """Return a box of the images, under a map, of the states on the middle's own orbits.
+        """Return a box that holds the images, under a map, of the states on the middle's own
+        orbits, without those of other orbits of the set.
 
         ``centre`` is the image of the middle, and ``rows`` the map's derivatives (3, 4).
         """
@@ -95,22 +102,22 @@ class Frame:
         ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
-        """Return the derivatives (3, 4) of the images under a map, with respect to the deviations.
+        """Return the derivatives (3, 4) of the set's states, after a map has been applied, with
+        respect to the deviations of start and Omega.
 
-        The deviations are those of the start and of Omega. ``rows`` are the map's derivatives
-        (3, 4) with respect to state and Omega.
+        ``rows`` are the map's derivatives (3, 4) with respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
         return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
 
     def carried(self, centre: Sequence[Any], rows: Matrix, axes: Callable[..., Matrix]) -> Frame:
-        """Return the frame of the images under a map.
+        """Return the set (a new `Frame`) of the images of all states of this set under a map.
 
         Args:
             centre: The image of the middle.
             rows: The derivatives (3, 4) of the map.
-            axes: Called with the images of the old axes (balls) and the sizes along them. Returns the
-                new axes (points).
+            axes: Called with the images of the old axes (balls) and the sizes along them. Returns
+                the new axes (points).
         """
         lead, turned = self._mapped(rows)
         image = copy(self)
@@ -143,7 +150,8 @@ class Frame:
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the images of lead and axes, two matrices of balls, under derivatives ``rows``.
+        """Return the set's matrices ``lead`` and ``axes`` after a map with the derivatives ``rows``
+        has been applied, as balls.
 
         The first one includes the map's own derivatives with respect to the equations' numbers.
         """
@@ -155,7 +163,7 @@ class Frame:
 
 
 def _product(a: Matrix, b: Matrix) -> list[list[Any]]:
-    """Multiply the first three columns of ``a`` by a matrix with three rows."""
+    """Return the product of the first three columns of ``a`` with a matrix ``b`` of three rows."""
     return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
 
 
@@ -168,7 +176,7 @@ def _sum(a: Matrix, b: Matrix) -> Matrix:
 
 
 def _inverse(axes: Matrix) -> Matrix:
-    """Return balls that hold the inverse matrix, by Cramer's rule."""
+    """Return balls that hold the inverse of a (3, 3) matrix, by Cramer's rule."""
     (a, b, c), cross = axes, _cross
     minors = (cross(b, c), cross(c, a), cross(a, b))
     determinant = sum(x * y for x, y in zip(a, minors[0], strict=True))

@@ -42,7 +42,7 @@ _TERMS = 10  # at z = 1/4 the rest is below 2^-80
 
 
 def symmetric(x: Any) -> Any:
-    """Return a ball about zero that holds the ball and its mirror image."""
+    """Return a ball about zero that holds the ball ``x`` and its mirror image."""
     return x * _BOTH
 
 
@@ -59,7 +59,7 @@ class Jet:
 
     @classmethod
     def constant(cls, value: Any, degree: int) -> Jet:
-        """Return the jet of the same number (or ball) for each s."""
+        """Return the jet of a constant function: the same number (or ball) for each s."""
         return cls([value, *[0 * value] * degree])
 
     @property
@@ -97,7 +97,7 @@ class Jet:
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> Jet:
-        """Divide.
+        """Return the quotient by a jet or by a number, with an enclosed remainder.
 
         b_k = (a_k - c_1 b_(k-1) - … - c_k b_0) / c_0 for k <= D leaves a - b c = -t, where t holds
         the terms of b c beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
@@ -155,31 +155,34 @@ class Jet:
         return result._wider(symmetric(last / (factorial * (top + 1))))
 
     def _wider(self, extra: Any) -> Jet:
-        """Add a ball to the highest coefficient."""
+        """Return the jet with a ball added to its highest coefficient."""
         return Jet([*self.c[:-1], self.c[-1] + extra])
 
     def cut(self, degree: int) -> Jet:
-        """Reduce the degree to ``degree``: the sizes of the other coefficients go into the highest
-        one.
+        """Return a jet of at most this degree that still encloses the function.
+
+        The sizes of the coefficients beyond the ``degree`` are added to the highest one that is
+        left.
         """
         if degree >= self.degree:
             return self
         return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
 
     def mid(self) -> Jet:
-        """Return the jet of the coefficients' midpoints."""
+        """Return the jet whose coefficients are the midpoints of this jet's coefficients."""
         return Jet([x.mid() for x in self.c])
 
     def range(self) -> Any:
-        """Return a ball that holds all values: even powers of s are in [0, 1], odd ones in
-        [-1, 1].
+        """Return a ball that holds all values of the function for s in [-1, 1].
+
+        Even powers of s are in [0, 1], odd ones in [-1, 1].
         """
         return self.c[0] + sum(
             x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:])
         )
 
     def at(self, s: Any) -> Any:
-        """Return a ball that holds the value at s, a number or ball in [-1, 1]."""
+        """Return a ball that holds the function's value at s, a number or ball in [-1, 1]."""
         result = self.c[-1]
         for x in self.c[-2::-1]:
             result = result * s + x
@@ -194,12 +197,15 @@ class Jet:
         return self.cut(ROUGH_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:
-        """Return an empty sequence of jets like this one."""
+        """Return an empty power series in time, whose coefficients will be jets.
+
+        ``old`` is not used.
+        """
         return JetSeries([], [])
 
 
 class JetSeries(Sequence[Jet]):
-    """The coefficients, jets, of a power series in time."""
+    """A power series in time, given by its coefficients, which are jets."""
 
     __slots__ = ("_polynomials", "jets")
 
@@ -207,7 +213,7 @@ class JetSeries(Sequence[Jet]):
         self.jets, self._polynomials = jets, polynomials
 
     def append(self, jet: Jet | None) -> None:
-        """Append a coefficient."""
+        """Append a jet as the next coefficient of the series."""
         assert jet is not None
         self.jets.append(jet)
         self._polynomials.append(_polynomial(jet))
@@ -270,7 +276,10 @@ def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
 
 
 def _summed(z: Any, size: Callable[[int], Fraction]) -> Any:
-    """Return the sum of (-z)^k size(k) for k < n, with size(n) z^n on both sides of it."""
+    """Return a ball or jet that holds an alternating power series in z: the sum of (-z)^k size(k).
+
+    The terms with k < n are summed. The remainder is bounded by size(n) z^n on both sides.
+    """
     if not isinstance(z, Jet):
         return _summed(Jet([z]), size).c[0]
     one = 1 + 0 * z.c[0]

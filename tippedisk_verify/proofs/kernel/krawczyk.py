@@ -49,7 +49,9 @@ Pair = Sequence[Any]
 
 @dataclass(frozen=True)
 class Choices:
-    """The choices of one test."""
+    """The choices that one run of Krawczyk's test needs: the steps of two flights, and the matrix
+    Y.
+    """
 
     centre: StepProposer  #: for the flight from the middle
     box: StepProposer  #: for the flight over the box
@@ -58,7 +60,7 @@ class Choices:
 
 @dataclass(frozen=True)
 class FixedPoints:
-    """The result of Krawczyk's test for fixed points of a section's map over a box.
+    """The result of Krawczyk's test: if a box contains a fixed point of a section's Poincare map.
 
     If ``included``, the box contains exactly one fixed point for each value of the third number.
     """
@@ -73,7 +75,7 @@ class FixedPoints:
 
     @property
     def image(self) -> list[Any]:
-        """The three balls that hold the fixed points."""
+        """Three balls that hold the fixed points: both coordinates on the section, and Omega."""
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
     def along(self, value: Any, by: Pair) -> Any:
@@ -94,12 +96,13 @@ def krawczyk_test(
     choices: Choices,
     centre: Return | None = None,
 ) -> FixedPoints | Return:
-    """Apply Krawczyk's test to a section's map over a box.
+    """Test by Krawczyk's operator if a section's Poincare map has exactly one fixed point in a box.
 
     Args:
         claim: Contains the disk and the friction law (``parameters``, ``friction``).
         section: The section of the map.
-        middle: Three points.
+        middle: The centre of the box, three exact numbers: both coordinates on the section, and
+            Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
         unknown: The indices of the two unknown numbers.
         choices: The proposers of the two flights, and Y.
@@ -140,7 +143,8 @@ def fixed_points(
     centre: Return,
     box: Return,
 ) -> FixedPoints:
-    """Apply Krawczyk's operator to a map that has been enclosed already, and return the result.
+    """Apply Krawczyk's operator to a section's map that has been enclosed already, and return the
+    result of the test.
 
     Args:
         middle: Three points: the two coordinates on the section, and Omega.
@@ -197,7 +201,8 @@ BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: 
 
 
 class StepReplay:
-    """The proposer of a flight that takes the steps of a log, and no others.
+    """A source of the steps of one flight, which repeats those of a certificate's log and no
+    others.
 
     Raises Unproved, with the step's number, if a step fails or the log ends too early.
     """
@@ -218,7 +223,9 @@ class StepReplay:
         return self.next_part(path)
 
     def next_part(self, path: Path) -> Step | None:
-        """Return the next step of the current entry, tested, or None if the entry has no more."""
+        """Return the next step that the log's current entry records, after testing it. Return None
+        if the entry has no more steps.
+        """
         part = next(self._parts, None)
         if part is None:
             return None
@@ -255,7 +262,8 @@ def replayed_test(
     name: str,
     centre: Return | None = None,
 ) -> FixedPoints:
-    """Apply `krawczyk_test` with the choices of a certificate.
+    """Apply `krawczyk_test` with the choices that a certificate records, and return the passed
+    test.
 
     ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX`, and ``name``
     begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.

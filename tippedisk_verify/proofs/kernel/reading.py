@@ -49,11 +49,12 @@ _MIN_BITS = 24
 
 
 class Refused(Exception):
-    """Raised if the file is not a certificate; the message names the fault and its place."""
+    """Raised if a file is not a certificate; the message names the fault and its place."""
 
 
 def dyadic(value: Any) -> Any:
-    """Read an exact point, a hexadecimal mantissa times a power of two, as one of Arb's balls.
+    """Read an exact number, a text with a hexadecimal mantissa and a power of two, as one of Arb's
+    balls.
 
     Raises ValueError for any other value.
     """
@@ -68,13 +69,15 @@ def dyadic(value: Any) -> Any:
 
 
 def dyadic_text(point: Any) -> str:
-    """Write a point or a float as `dyadic` reads it."""
+    """Write an exact ball or a float as text: a hexadecimal mantissa and a power of two, as
+    `dyadic` reads it.
+    """
     mantissa, exponent = arb(point).man_exp()
     return f"{int(mantissa):x}p{int(exponent)}"
 
 
 def radius(value: Any) -> Any:
-    """Read a radius as `dyadic` does, and return the ball about zero with this radius.
+    """Read a radius, an exact number as text, and return the ball about zero with this radius.
 
     Raises ValueError if it is negative.
     """
@@ -85,7 +88,8 @@ def radius(value: Any) -> Any:
 
 
 def decimal(value: Any) -> str:
-    """Return the text of an exact decimal or of a ratio of two integers unchanged.
+    """Check that a value is the text of an exact decimal or of a ratio of two integers, and return
+    it unchanged.
 
     Raises ValueError for any other value.
     """
@@ -96,7 +100,9 @@ def decimal(value: Any) -> str:
 
 
 def as_float(text: str) -> float:
-    """Return a double near a `decimal`. Raises Unproved if it is out of range."""
+    """Convert the text of an exact decimal or ratio to a nearby double. Raises Unproved if it is
+    out of range.
+    """
     try:
         return float(Fraction(text))
     except OverflowError:
@@ -133,7 +139,7 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
 
 
 def parsed(value: Any, shape: Any, path: str) -> Any:
-    """Return a JSON value with its leaves read, if it has the given shape.
+    """Check that a JSON value has a given shape, and return it with its leaves read.
 
     Raises Refused, with ``path`` and the fault's place below it, if its shape differs.
 
@@ -160,7 +166,8 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
 
 
 class ClaimReader(dict[str, Any]):
-    """A claim that records in ``read`` the members that were read.
+    """The claim of a certificate as a dictionary that records, in ``read``, which members were
+    read.
 
     A member that is never read is never tested.
     """
@@ -174,7 +181,9 @@ class ClaimReader(dict[str, Any]):
         return super().__getitem__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
-        """Return the member, or the default if it is missing."""
+        """Return a member of the claim, or the default if it is missing. Record that it
+        was read.
+        """
         self.read.add(name)
         return super().get(name, default)
 
@@ -211,7 +220,10 @@ def content_of(path: str) -> Any:
 
 
 def digest(content: dict[str, Any]) -> str:
-    """Return the SHA-256 of all members but the digest, as JSON with sorted keys and no spaces."""
+    """Return the SHA-256 digest of a certificate or manifest.
+
+    It covers all members but the digest itself, as JSON with sorted keys and no spaces.
+    """
     rest = {name: value for name, value in content.items() if name != "sha256"}
     return hashlib.sha256(
         json.dumps(rest, sort_keys=True, separators=(",", ":")).encode()

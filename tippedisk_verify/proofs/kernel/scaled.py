@@ -58,7 +58,8 @@ __all__ = ["ScaledCurve", "ScaledModel"]
 
 
 class _Part:
-    """A number of the scaled equations: a x if ``odd``, else x, with the amplitude a.
+    """A number in the equations of motion scaled by the amplitude a: it stands for a x if ``odd``,
+    else for x.
 
     ``square`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
     """
@@ -103,7 +104,9 @@ class _Part:
 
 
 class _ScaledOps:
-    """The sine and cosine of odd angles, for `field`."""
+    """The sine and cosine of a `_Part` that stands for an odd angle, in the form that `field`
+    needs.
+    """
 
     @staticmethod
     def sin(angle: _Part) -> _Part:
@@ -124,9 +127,11 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
 
 
 class ScaledModel:
-    """The equations of motion of (b, g, w), as `flow.Model`.
+    """The equations of motion of a state (b, g, w) that is scaled by its amplitude a, used like
+    `flow.Model`.
 
-    ``square`` is q, ``omega`` in rad/s, jets or balls.
+    The state is (beta_bar, gamma_bar, v) / a, and ``square`` is q = a^2. ``omega`` is in rad/s.
+    Both are jets or balls.
     """
 
     def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
@@ -140,7 +145,9 @@ class ScaledModel:
         self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
 
     def orbit_at(self, omega: Any) -> System:
-        """Return the system of the states alone, at another speed."""
+        """Return the equations of motion (a `System`) of the scaled states alone, without
+        derivatives, at another speed.
+        """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
         return System(
@@ -170,10 +177,10 @@ def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tu
 
 @dataclass(frozen=True)
 class ScaledCurve(Curve):
-    """A curve of starts (1, w) of the scaled state. Its three numbers are q (as ``gamma_bar``), w
-    (as ``v``) and Omega.
+    """A curve of starts (b, g, w) = (0, 1, w) of states that are scaled by their amplitude.
 
-    q has no deviation and is less than 1, so |a b| < 1.5707 wherever |b| < 1.5707. Raises Unproved
+    Its three numbers are q, the squared amplitude (as ``gamma_bar``), w (as ``v``) and Omega. q has
+    no deviation and is less than 1, so |a b| < 1.5707 wherever |b| < 1.5707. Raises Unproved
     otherwise.
     """
 

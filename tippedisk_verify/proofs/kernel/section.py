@@ -48,8 +48,8 @@ _MAX_CUTS = 40
 
 
 class PoincareSection(NamedTuple):
-    """A section with its Poincare map: its coordinates, and the symmetry applied after the
-    flight.
+    """A section of the state space with its Poincare map: the coordinates on the section, and the
+    symmetry that is applied after the flight.
     """
 
     zero: int  #: index of the component that is zero on the section
@@ -62,11 +62,15 @@ class PoincareSection(NamedTuple):
         return -1 if self.laps == 2 else 1
 
     def level(self) -> Any:
-        """Return the value of the component ``zero`` at which the flight ends."""
+        """Return the value at which a flight ends of the component that is zero at its start: 0 or
+        2 pi.
+        """
         return arb(0) if self.laps == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
-        """Return the state (beta_bar, gamma_bar, v) with these two coordinates on the section."""
+        """Return the state (beta_bar, gamma_bar, v) of the point on the section with these two
+        coordinates.
+        """
         state = [alike(v, 0), alike(v, 0), v]
         state[self.first] = first
         return state
@@ -77,10 +81,10 @@ HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 @dataclass(frozen=True)
 class Return:
-    """The proved properties of all orbits from a box on a section.
+    """The result of following all orbits from a box on a section until they return to the section.
 
-    The other members have a meaning only if the status is RETURNED.
-    The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
+    The other members have a meaning only if the status is RETURNED. The coordinates x are
+    (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
     """
 
     status: FlowStatus
@@ -107,7 +111,8 @@ def return_map(
     derivatives: bool = False,
     longest: float = 60.0,
 ) -> Return:
-    """Enclose the Poincare map over a box of the section's two coordinates.
+    """Enclose the Poincare map of a section, for all starts in a box of the section's two
+    coordinates.
 
     Args:
         model: The equations of motion.
@@ -144,7 +149,11 @@ def return_map(
 
 
 class SectionCase(Enum):
-    """The cases of the module's docstring for one step."""
+    """The cases that are distinguished for all orbits in one step: they do not reach the section,
+    they turn, or they cross it.
+
+    The module's docstring has the conditions.
+    """
 
     ON = "they fall, or after the turn rise, and do not reach the section"
     TURNS = "they turn"
@@ -152,7 +161,7 @@ class SectionCase(Enum):
 
 
 class Round(NamedTuple):
-    """The proved properties of one step that was tried."""
+    """The result of one step that was tried on the way to the section."""
 
     length: float  #: of the step [s]
     upright: bool  #: the disk does not lie flat
@@ -179,7 +188,7 @@ class PoincareMap:
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self, longest: float | None = None) -> Round | None:
-        """Try one step, take it if it is proved, and return its proved properties.
+        """Try one step of the flight, take it if it is proved, and return its proved properties.
 
         Returns None if the path finds no step.
         """
@@ -201,7 +210,8 @@ class PoincareMap:
         return Round(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
-        """Return whether the disk is shown to stay upright in the step, and the case that is shown.
+        """Return True if the disk is shown to stay upright in the step, and the case that is shown
+        for the step: on its way, turning or crossing the section.
 
         The case is None if none is shown.
         """
@@ -228,7 +238,7 @@ class PoincareMap:
         return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
     def _turn(self, step: Step) -> bool:
-        """Enclose the moment in the step at which v is 0, and store beta_bar there.
+        """Enclose the moment in the step at which v is 0, and store the beta_bar of that moment.
 
         Returns False if the moment cannot be enclosed.
         """
@@ -271,7 +281,9 @@ class PoincareMap:
         )
 
     def _landed(self) -> Return:
-        """Return the proved properties of orbits whose path has been taken to the section."""
+        """Return the proved properties of all orbits at the section, once the path has been taken
+        there.
+        """
         path, section = self.path, self.section
         first, sign = section.first, section.sign
         derivatives: dict[str, Any] = {}

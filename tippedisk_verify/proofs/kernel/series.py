@@ -38,7 +38,7 @@ _PAIR = ("sin", "cos")
 
 
 def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
-    """Return a method of `Node` that records a binary operation.
+    """Return a method of `Node` for an arithmetic operator, which adds the operation to the graph.
 
     If ``reflected``, the node is the right operand.
     """
@@ -51,7 +51,10 @@ def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], N
 
 
 class Node:
-    """One operation on series, with the Taylor coefficients found so far (one for a constant)."""
+    """One operation in a graph, with the Taylor coefficients of its result that are known so far.
+
+    A constant has one coefficient.
+    """
 
     __slots__ = ("active", "c", "constant", "graph", "kind", "left", "partner", "right")
 
@@ -75,22 +78,29 @@ class Node:
 
 
 class Graph:
-    """The operations in the order in which they were recorded.
+    """A record of the arithmetic by which the rates of motion are computed, for Taylor recurrences.
 
-    Also the ``ops`` (sin, cos) of `field.field`.
+    Its nodes are the operations in the order in which they were recorded. The graph also provides
+    the sine and cosine (``ops``) that `field.field` needs.
     """
 
     def __init__(self) -> None:
         self.nodes: list[Node] = []
 
     def variable(self) -> Node:
-        """Record a function of time, whose coefficients a `System` provides."""
+        """Add an unknown function of time to the graph, and return its node.
+
+        A `System` provides the Taylor coefficients of the function.
+        """
         node = Node(self, "variable")
         node.active = True
         return node
 
     def number(self, value: Any, *, active: bool = False) -> Node:
-        """Record a constant. `gradient` may differentiate with respect to an ``active`` one."""
+        """Add a constant to the graph, and return its node. A node is returned unchanged.
+
+        `gradient` may differentiate with respect to an ``active`` constant.
+        """
         if isinstance(value, Node):
             return value
         node = Node(self, "number")
@@ -114,10 +124,11 @@ class Graph:
         return cosine
 
     def scaled_sine(self, angle: Node, square: Node | None) -> Node:
-        """Record sin(a x) / a of an angle x and its partner cos(a x), for the constant a^2 =
-        ``square``.
+        """Add sin(a x) / a and cos(a x) of an ``angle`` x to the graph, and return the node of the
+        first.
 
-        Without ``square`` a = 1.
+        The cosine is the node's ``partner``. ``square`` is the constant a^2; without it a = 1. An
+        angle whose sine is in the graph already gets the same node again.
         """
         if angle.partner is None:
             sine, cosine = Node(self, "sin", angle, square), Node(self, "cos", angle, square)
@@ -125,10 +136,10 @@ class Graph:
         return angle.partner
 
     def gradient(self, output: Node, inputs: Sequence[Node]) -> list[Node]:
-        """Record the partial derivatives of ``output`` with respect to variables and active
-        numbers.
+        """Add the partial derivatives of ``output`` with respect to ``inputs`` to the graph, and
+        return their nodes.
 
-        Return their nodes.
+        The inputs are variables and active numbers.
         """
         adjoints: dict[Node, Any] = {output: 1}
 
@@ -169,8 +180,8 @@ class Graph:
 def with_derivatives(
     graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
 ) -> tuple[System, System]:
-    """Return the system of the states and their derivatives, without and with the divergence's
-    integral.
+    """Return two systems of equations for the states and their derivatives, without and with the
+    divergence's integral as a further unknown.
 
     The derivatives are those with respect to each variable at the start and each active number.
     Each of these adds a column of as many unknowns as there are variables.
@@ -203,7 +214,11 @@ def _absent(node: Node) -> bool:
 
 
 class System:
-    """The initial value problem x' = rates(x) whose variables and rates are nodes of one graph."""
+    """An initial value problem x' = rates(x), recorded in a graph, whose Taylor coefficients can be
+    computed.
+
+    Its variables and rates are nodes of the graph.
+    """
 
     def __init__(self, graph: Graph, variables: Sequence[Node], rates: Sequence[Node]) -> None:
         self.variables, self.rates = tuple(variables), tuple(rates)
@@ -219,8 +234,8 @@ class System:
         self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
 
     def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
-        """Return coefficients 0 … ``order`` of each variable's Taylor series at time 0, given
-        enclosed starts.
+        """Return Taylor coefficients 0 … ``order`` at time 0 of each variable of the initial value
+        problem, from enclosed starts.
         """
         with getattr(start[0], "quiet", nullcontext)():
             return self._coefficients(start, order)
@@ -254,7 +269,10 @@ def _list(_: object = None) -> list[Any]:
 
 
 def _folded(kind: str, a: Any, b: Any) -> Any:
-    """Apply the operation to two constants. A quotient of integers stays exact, as a Fraction."""
+    """Return the result of an arithmetic operation of the given ``kind`` on two constants.
+
+    A quotient of integers stays exact, as a Fraction.
+    """
     if kind == "add":
         return a + b
     if kind == "subtract":
@@ -294,10 +312,12 @@ def _convolved(node: Node) -> tuple[Node, ...]:
 
 
 def _recurrence(node: Node) -> Callable[[int], None] | None:
-    """Return the rule that appends coefficient k, with one case for each kind of operation.
+    """Return the function that computes and appends coefficient k of a node's Taylor series, or
+    None.
 
-    The rule needs the operands' coefficients up to k and the node's own up to k - 1. Returns None
-    for a variable and for a cosine, whose coefficients other rules append.
+    There is one case for each kind of operation. The function needs the operands' coefficients up
+    to k and the node's own up to k - 1. The result is None for a variable and for a cosine, whose
+    coefficients are appended by other functions.
     """
     kind, x, y = node.kind, node.left, node.right
 
@@ -333,7 +353,7 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
 
 
 def _sine(node: Node) -> Callable[[int], None]:
-    """Return the rule that appends coefficient k to a sine S and to its cosine C.
+    """Return the function that appends Taylor coefficient k to a sine S and to its cosine C.
 
     Along an orbit S' = C x' and C' = -q S x', where x is the angle and q = 1 unless S is scaled.
     """
@@ -362,7 +382,8 @@ def _sine(node: Node) -> Callable[[int], None]:
 
 
 def _slope(node: Node) -> Callable[[int], None]:
-    """Return the rule that appends coefficient k to D = dS/dq, S = sin(a x) / a, q = a^2.
+    """Return the function that appends Taylor coefficient k to D = dS/dq, S = sin(a x) / a, q =
+    a^2.
 
     Along an orbit D' = -(x S) x' / 2, and the operand ``left`` of the node is x S.
     """
@@ -389,7 +410,9 @@ def _convolution(a: Sequence[Any], b: Sequence[Any]) -> Any:
 
 
 def _square(a: Sequence[Any], k: int) -> Any:
-    """Return coefficient k of the square of a; products that occur twice are computed once."""
+    """Return coefficient k of the square of the power series a, computing products that occur twice
+    only once.
+    """
     if hasattr(a, "convolution"):
         return a.convolution(a)
     half = 2 * sum(map(mul, a[: (k + 1) // 2], a[: k - (k + 1) // 2 : -1])) if k else 0

@@ -94,7 +94,7 @@ def model_of(parameters: Any, omega: Any) -> Model:
 
 
 class SmoothModel(Model):
-    """The equations of motion with the friction law of one side of gamma_y = 0.
+    """The equations of motion with the analytic friction law of one side of gamma_y = 0.
 
     This is side 1, unless `of_side` has changed the signs of traction and epsilon.
     """
@@ -110,7 +110,9 @@ class SmoothModel(Model):
         self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
 
     def of_side(self, side: int) -> SmoothModel:
-        """Return the model with the other side's law if ``side`` is negative, else this one."""
+        """Return this model for ``side`` >= 0, and the model with the friction law of the other
+        side of gamma_y = 0 for a negative ``side``.
+        """
         if side >= 0:
             return self
         if self._other is None:
@@ -122,15 +124,20 @@ class SmoothModel(Model):
         return self._other
 
     def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
-        """Return gamma_y [m/s] and its rate [m/s^2] by this law, at all speeds or at their
-        midpoints.
+        """Return the sliding velocity gamma_y [m/s] of a state and its rate [m/s^2], by this
+        model's law.
+
+        If ``middle`` is True, they are those at the midpoint of the ball of speeds; otherwise they
+        hold for all speeds in the ball.
         """
         omega = self.omega.mid() if middle else self.omega
         acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
         return sliding_motion(BallOps, self.constants, omega, state, acceleration)
 
     def velocity(self, state: Sequence[Any], order: int) -> list[Any]:
-        """Return Taylor coefficients 0 to ``order`` of gamma_y along orbits of this law."""
+        """Return Taylor coefficients 0 to ``order`` of the sliding velocity gamma_y along orbits
+        from a state.
+        """
         integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
@@ -221,7 +228,8 @@ class SlidingPath(Path):
             self.side, self.model = -self.side, self.model.of_side(-1)
 
     def _followed(self, step: Step) -> Step | None:
-        """Return the step if gamma_y keeps its sign, or the step through the crossing.
+        """Return the step if gamma_y keeps its sign in it. If all orbits change this sign, return
+        the step through the crossing in its place.
 
         Returns None if neither is shown.
         """
@@ -270,9 +278,15 @@ class SlidingPath(Path):
         return not waits, None
 
     def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
-        """Return the step up to shortly after its crossing, which lies ``between`` two times.
+        """Return a step that ends shortly after the sliding velocity of all orbits has changed its
+        sign.
 
-        Returns None if the crossing is not proved.
+        Returns None if the change of sign is not proved.
+
+        Args:
+            step: A step with the law of the side before the change.
+            between: A ball of times that holds the changes of sign.
+            rate: A ball of the rate of s gamma_y at these times, where s is the sign before.
         """
 
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
@@ -311,7 +325,9 @@ class SlidingPath(Path):
 
 
 def _since(moment: Any, time: Any) -> Any:
-    """Return the time since the moment, or NaN unless ``time`` is shown to be later."""
+    """Return the time that has passed since ``moment``, or NaN unless ``time`` is shown to be
+    later.
+    """
     after = time - moment
     return after if positive(after) else arb.nan()
 

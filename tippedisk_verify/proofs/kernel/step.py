@@ -70,7 +70,8 @@ _ALL = slice(3)
 
 @dataclass(frozen=True)
 class Step:
-    """One step of a path, from its current set of states: its properties over [0, length].
+    """One step of a proved flight: enclosures of all orbits from the current set of states over the
+    times [0, length].
 
     They are proved if ``included`` is True.
     """
@@ -86,8 +87,8 @@ class Step:
     included: Any = True  #: True if the step is proved; a mask for arrays of balls
 
     def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
-        """Return d(state at ``time``)/d(state at the step's start, Omega) for every orbit from the
-        box.
+        """Return the derivatives of the state at ``time`` with respect to the state at the step's
+        start and Omega, for every orbit from the box.
         """
         columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
         return tuple(
@@ -96,11 +97,15 @@ class Step:
         )
 
     def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
-        """Return d(state at ``time``)/d(start of the path, Omega) for every orbit."""
+        """Return the derivatives of the state at ``time`` with respect to the start of the whole
+        path and Omega, for every orbit.
+        """
         return self.frame.derivatives(self.rows_at(time))
 
     def divergence_at(self, time: Any) -> Any:
-        """Return the integral of div f from the step's start to ``time``."""
+        """Return the integral of div f, the field's divergence, from the step's start
+        to ``time``.
+        """
         return polynomial(self.derivatives[-1], rough(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
@@ -119,7 +124,9 @@ class Step:
 
     @cached_property
     def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
-        """The midpoint's image at the step's end, and the derivatives that `rows_at` gives there."""
+        """The state of the midpoint's orbit at the step's end, and the derivatives that `rows_at`
+        gives there.
+        """
         time = alike(self.polynomials[0][0], self.length)
         return self.centre(time), self.rows_at(time)
 
@@ -128,7 +135,7 @@ class Step:
         return [polynomial(series, time) for series in self.polynomials[components]]
 
     def span(self) -> Any:
-        """Return a ball that holds the times from 0 to the length."""
+        """Return a ball that holds all times of the step, from 0 to its length."""
         return _from_zero(alike(self.enclosure[0], self.length))
 
 
@@ -140,7 +147,9 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 
 
 class Trial:
-    """The series of all orbits from a path's place to chosen orders, on which lengths are tried."""
+    """The Taylor series of all orbits from a path's current set of states, on which step lengths
+    are tried.
+    """
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:
         self.path, self.orders, model = path, orders, path.model
@@ -160,7 +169,10 @@ class Trial:
         return system
 
     def tested(self, length: Any) -> Step:
-        """Return the step of the given length, proved or not, and make it the path's latest trial."""
+        """Test a step of the given length: return it with its enclosures, proved or not.
+
+        It becomes the path's latest trial.
+        """
         with working_precision(_REMAINDER_BITS):
             enclosure, fine, wider, included = self._test(length)
         step = self.path.tested = Step(
@@ -176,7 +188,8 @@ class Trial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """Test whether all orbits from the set exist and stay in a padded box E for this length.
+        """Test whether all orbits from the path's set of states exist and stay in a padded box E
+        over a step of this length.
 
         Returns four things. The first is E. The next two are the next Taylor coefficients over E,
         which give the remainders: of the states to the full order, and of the states with their
@@ -241,7 +254,7 @@ def _from_zero(length: Any) -> Any:
 
 
 def _pad(part: Any) -> Any:
-    """Return the amount by which a range is padded: not zero, even for a range without width."""
+    """Return the amount by which to widen a ball ``part`` on both sides, which is never zero."""
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (

@@ -31,10 +31,10 @@ class Stopped(Unproved):
 
 
 class Proof:
-    """The result of a search: its statement and its certificate.
+    """The result of a search for a proof, successful or not, with its statement and certificate.
 
-    Each kind provides its ``status``, the ``claim`` of its certificate, and the ``evidence``, which
-    are the choices that the kernel has accepted.
+    Each kind of proof provides its ``status``, the ``claim`` of its certificate, and the
+    ``evidence``, which are the choices that the kernel has accepted.
     """
 
     status: Any
@@ -53,18 +53,23 @@ class Proof:
 
     @property
     def reason(self) -> str:
-        """The reason for which nothing is proved."""
+        """The reason why nothing is proved, in words."""
         reason = str(self.status.value)
         return f"{reason} ({self.where})" if self.where else reason
 
     @property
     def asked(self) -> dict[str, object]:
-        """The entries that are printed first: the cycles to be proved."""
+        """The entries of `to_dict` that name what was to be proved, such as the speed of a cycle.
+
+        They are printed after the statement. By default this is empty.
+        """
         return {}
 
     @property
     def statement(self) -> str:
-        """The proved statement, in one or more sentences."""
+        """The proved theorem in words. If the proof failed, a sentence with the reason why nothing
+        is proved.
+        """
         return sentence(self.claim) if self.proved else f"nothing is proved: {self.reason}."
 
     def __repr__(self) -> str:
@@ -73,7 +78,7 @@ class Proof:
     __str__ = __repr__
 
     def certificate(self) -> str:
-        """Return the text of a certificate file, which the kernel alone can check.
+        """Return the text of a certificate file for this proof, which the kernel alone can check.
 
         Raises InputError if nothing is proved.
         """
@@ -84,7 +89,9 @@ class Proof:
         return json.dumps(content | {"sha256": digest(content)}, separators=(",", ":")) + "\n"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the entries for the command line: the statement and, if proved, the numbers."""
+        """Return this proof as a dictionary for the command line: the statement and, if proved, the
+        numbers.
+        """
         entries: dict[str, Any] = {"proved": self.proved, "statement": self.statement} | self.asked
         if self.proved:
             claim = self.claim
@@ -99,9 +106,13 @@ class Proof:
 def claim_of(
     kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any
 ) -> dict[str, Any]:
-    """Return a claim about a disk.
+    """Return the claim of a certificate about a disk, as a dictionary.
 
-    ``more`` contains its other entries. Rational numbers become exact texts.
+    Args:
+        kind: The kind of theorem.
+        parameters: The disk and its friction law.
+        numbers: The enclosed numbers, by name.
+        more: Further entries by name; rational numbers become exact texts.
     """
     texts = {
         name: exact_text(entry) if isinstance(entry, Fraction) else entry
@@ -120,9 +131,10 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
 
 
 class Proposer:
-    """A source of choices, called with a choice's name and context.
+    """A source of the choices that a verification in the kernel needs, such as weights and radii.
 
-    Subclasses have a method for each name. ``log`` contains the latest answers.
+    It is called with the name of a choice and the values on which the choice may depend. Subclasses
+    have a method for each name. ``log`` contains the latest answers.
     """
 
     def __init__(self) -> None:
@@ -136,7 +148,11 @@ class Proposer:
 
 
 def _as_text(value: Any) -> Any:
-    """Convert choices to a certificate's form: exact points and rational numbers become texts."""
+    """Convert the choices of a proof to their form in a certificate file.
+
+    Exact points and rational numbers become texts; lists and dictionaries are converted entry by
+    entry.
+    """
     if isinstance(value, Mapping):
         return {name: _as_text(part) for name, part in value.items()}
     if isinstance(value, list | tuple):

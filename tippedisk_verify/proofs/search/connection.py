@@ -92,7 +92,9 @@ _MIN_DIGITS = 4  # an interval for fewer digits is too wide to be followed past 
 
 
 class ConnectionStatus(Enum):
-    """The ways in which the proof can end; each value is a message with what to try next."""
+    """The ways in which a proof of the heteroclinic connection can end; each value is a message
+    with what to try next.
+    """
 
     PROVED = "proved"
     NO_SADDLE = "there is no connection of saddles to prove"
@@ -108,8 +110,10 @@ class ConnectionStatus(Enum):
 
 
 class UniquenessBox(NamedTuple):
-    """The box |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <= ``v`` [rad, rad,
-    rad/s].
+    """A box about the second saddle, given by its half-lengths.
+
+    It consists of the states with |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <=
+    ``v`` [rad, rad, rad/s].
     """
 
     beta: Fraction
@@ -119,7 +123,11 @@ class UniquenessBox(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class ProvedConnection(Printable, Proof):
-    """The interval of Omega_h and its proved properties, if the status is PROVED."""
+    """The result of a proof of the heteroclinic connection: an interval of Omega_h and its
+    properties.
+
+    They are proved if the status is PROVED.
+    """
 
     _listed = (
         "proved",
@@ -165,7 +173,9 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate; it needs a proof."""
+        """The claim of the certificate about Omega_h, as a dictionary. It exists only if the proof
+        succeeded.
+        """
         assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
@@ -184,7 +194,10 @@ class ProvedConnection(Printable, Proof):
 
     @property
     def limit_cycle(self) -> str | None:
-        """The conclusion of Shilnikov's theorem; None if one of its hypotheses is not proved."""
+        """The conclusion of Shilnikov's theorem about the limit cycle next to Omega_h, in words.
+
+        It is None if one of the theorem's hypotheses is not proved.
+        """
         value = self.saddle_value
         if not (
             self.proved
@@ -219,8 +232,8 @@ class ProvedConnection(Printable, Proof):
 
 
 def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
-    """Prove Omega_h in an interval about ``near`` [rad/s], of absolute and relative length up to
-    10^-digits.
+    """Prove that the heteroclinic connection exists at a speed Omega_h in an interval about
+    ``near`` [rad/s], of absolute and relative length up to 10^-digits.
 
     ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises
     InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
@@ -275,7 +288,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
-    """Return the eigenvalues of noninverted spinning [1/s], by descending value, and the matrix P.
+    """Compute the saddle's eigenvalues [1/s], by descending value, and the matrix P of its
+    eigenvectors, at noninverted spinning.
+
     Both are points near the true numbers.
 
     P's columns are near the eigenvectors. Their largest component is 1, and the entries in gamma's
@@ -302,7 +317,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
 
 
 def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
-    """Return cone weights that are nearly the smallest possible.
+    """Return nearly the smallest weights with which the cone conditions hold for a matrix.
 
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
     diagonal entry. The kernel tests them with `cones`.
@@ -319,7 +334,8 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
 def series_of_curve(
     saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
 ) -> ManifoldGraph:
-    """Return the power series of an invariant curve at the middle speed, as a polynomial graph.
+    """Return the power series of an invariant curve of the saddle at the middle speed, as a
+    polynomial graph.
 
     ``along`` is the index of the coordinate that parametrises it, and ``values`` are points near
     the eigenvalues [1/s].
@@ -341,7 +357,10 @@ def series_of_curve(
 
 
 class _ConnectionSearch(Proposer):
-    """The proposer of one pass over an interval of speeds, at one working precision."""
+    """The search for the choices with which the kernel proves one interval of Omega_h.
+
+    It belongs to one interval of speeds and one working precision.
+    """
 
     #: The status of a failure, by the choice made last
     _STAGES: ClassVar = {
@@ -367,7 +386,10 @@ class _ConnectionSearch(Proposer):
         self.small = half_width * share
 
     def stopped(self, fault: Unproved) -> ConnectionStatus:
-        """Return the status of the stage at which the kernel or the search gave up."""
+        """Return the status that names the stage at which the proof of the connection failed.
+
+        ``fault`` is the error by which the kernel or the search gave up.
+        """
         if isinstance(fault, Stopped):
             return ConnectionStatus(fault.status)
         return (
@@ -472,8 +494,9 @@ class _ConnectionSearch(Proposer):
 
 
 def _share_of_reach(curve: ManifoldGraph) -> Any:
-    """Return a power of two near an eighth of the series' estimated radius of convergence, at most
-    1/4.
+    """Return the length up to which a curve's power series is used: a power of two, at most 1/4.
+
+    It is near an eighth of the estimated radius of convergence.
     """
     sizes = [float(abs(row[-1])) for row in curve.graph]
     rates = [size ** (-1 / curve.order) for size in sizes if size > 0]

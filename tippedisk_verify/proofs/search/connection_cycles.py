@@ -69,7 +69,9 @@ Array = NDArray[np.float64]
 
 
 class ConnectionCyclesStatus(Enum):
-    """The ways in which the proof can end; each value is a message with what to try next."""
+    """The ways in which a proof of the limit cycles next to the heteroclinic connection can end;
+    each value is a message with what to try next.
+    """
 
     PROVED = "proved"
     NO_CONNECTION = (
@@ -83,8 +85,9 @@ class ConnectionCyclesStatus(Enum):
 
 @dataclass(frozen=True, repr=False)
 class ConnectionCyclesProof(Proof):
-    """The proof of the cycles at speeds from ``low`` to ``high`` [rad/s], if the status is
-    PROVED.
+    """The proof of the limit cycles next to the heteroclinic connection, successful or not.
+
+    If the status is PROVED, it holds at speeds from ``low`` to ``high`` [rad/s].
     """
 
     status: ConnectionCyclesStatus
@@ -103,7 +106,9 @@ class ConnectionCyclesProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate; it needs a proof."""
+        """The claim of the certificate about these limit cycles, as a dictionary. It exists only if
+        the connection is proved.
+        """
         assert self.connection.omega_h is not None
         assert self.connection.parameters is not None
         numbers, texts = (
@@ -116,7 +121,9 @@ class ConnectionCyclesProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The accepted choices, with those of the connection and its claim."""
+        """The choices that the kernel has accepted, for the certificate, with those of the
+        connection's proof and its claim.
+        """
         eigenvalues = [
             (number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues
         ]
@@ -126,10 +133,11 @@ class ConnectionCyclesProof(Proof):
         }
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if a fixed point of P in these balls is the one in the statement, at all
-        speeds of ``omega``.
+        """Return True if a fixed point of the half map in these balls is a limit cycle of this
+        proof.
 
-        Then a curve of cycles that is proved there is the same curve.
+        This must hold at all speeds of the ball ``omega``. Then a curve of cycles that is proved
+        for these balls is the same curve.
         """
         if not self.proved or self.connection.omega_h is None:
             return False
@@ -159,12 +167,12 @@ def prove_connection_cycles(
     below: object = "0.0015",
     watch: Callable[[float], None] = lambda share: None,
 ) -> ConnectionCyclesProof:
-    """Prove the cycles up to ``reach`` above a proved connection, and their absence down to
-    ``below`` it.
+    """Prove the limit cycles at speeds just above Omega_h, and their absence just below it.
 
-    Both distances [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the
-    share of the flights that is done. Raises InputError for the smooth law and for distances out of
-    range, and NoConnectionError as `eigenvectors` does.
+    The speeds go from ``below`` under a proved connection to ``reach`` above it. Both distances
+    [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the
+    flights that is done. Raises InputError for the smooth law and for distances out of range, and
+    NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
@@ -211,7 +219,9 @@ def prove_connection_cycles(
 
 
 def checked_distance(number: object) -> Fraction:
-    """Return a distance from Omega_h [rad/s]. Raises InputError unless it is between 0 and 1."""
+    """Return a user's distance from Omega_h [rad/s] as an exact number. Raises InputError unless it
+    is between 0 and 1.
+    """
     given = exact(number)
     if given.pi_multiple or not 0 < given.rational < 1:
         raise InputError(
@@ -225,15 +235,19 @@ class _EndSearch(Proposer):
     def __init__(
         self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
     ) -> None:
-        """Prepare a search between the speeds ``low`` and ``high`` [rad/s].
+        """Prepare a search for the choices of this proof at speeds from ``low`` to ``high``
+        [rad/s].
 
-        The expected lid is multiplied by ``factor``.
+        The estimated height of the set D along z_u (its lid) is multiplied by ``factor``.
         """
         super().__init__()
         self.connection, self.low, self.high, self.factor = connection, low, high, factor
 
     def stopped(self, fault: Unproved) -> ConnectionCyclesStatus:
-        """Return the status of the stage at which the kernel or the search gave up."""
+        """Return the status that names the stage at which the proof of the limit cycles failed.
+
+        ``fault`` is the error by which the kernel or the search gave up.
+        """
         if isinstance(fault, Stopped):
             return ConnectionCyclesStatus(fault.status)
         if "connection" in str(fault):
@@ -273,8 +287,10 @@ class _EndSearch(Proposer):
         }
 
     def entry(self, n: Passage) -> dict[str, Any]:
-        """Choose D and Q, with a lid so high that the flights of the largest speed and z_s arrive
-        within D.
+        """Choose the sizes of the sets D and Q of the proof, from single flights in doubles.
+
+        D is so high along z_u (the lid) that the flights with the largest speed and z_s arrive
+        within it.
         """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
         _, (arrival, further, slower) = self._flown(
@@ -293,10 +309,10 @@ class _EndSearch(Proposer):
         return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
-        """Return the choice of D and Q with a given lid.
+        """Return the sizes of the sets D and Q of the proof, for a given height of D (the lid).
 
-        It contains the moment that bounds the crossings of beta_bar = 0 best, and c and d so large
-        that Q holds them.
+        The entry ``moment`` is the time that bounds the crossings of beta_bar = 0 best. ``gamma``
+        and ``v`` are so large that Q holds these crossings.
         """
         top, fast = ball(lid), ball(_FAST)
 
@@ -318,8 +334,9 @@ class _EndSearch(Proposer):
         }
 
     def flights(self, loop_map: LoopMap) -> dict[str, Any]:
-        """Choose steps for each cell: the last one ends half a step after the cell's middle
-        arrives.
+        """Choose the number and lengths of steps for the flight of each cell of speeds and z_s.
+
+        The last step ends half a step after the orbit from the cell's middle has arrived.
         """
         low, high = float(self.low), float(self.high)
         least, largest = map(float, loop_map.exits)
@@ -340,10 +357,11 @@ class _EndSearch(Proposer):
         }
 
     def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
-        """Return the times of single flights from z_u = u to z_s = -s, and z_u on arrival.
+        """Estimate single flights from one saddle's section z_u = u to the other's z_s = -s, in
+        doubles by Runge-Kutta's method. Return their times, and z_u on arrival.
 
-        The method is Runge-Kutta's in doubles. ``speeds`` and ``slow`` (z_s at the start) have one
-        entry for each flight. Raises Unproved if a flight does not arrive.
+        ``speeds`` and ``slow`` (z_s at the start) have one entry for each flight. Raises Unproved
+        if a flight does not arrive.
         """
         assert self.connection.parameters is not None
         constants = self.connection.parameters.at(DOUBLE)

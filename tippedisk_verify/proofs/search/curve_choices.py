@@ -75,7 +75,8 @@ _CHORD_STEPS = 3  # chord steps towards the cycle at s = 0
 
 
 class StepSearch:
-    """A proposer of the steps of one flight, each found by trials of its length.
+    """A proposer that finds the steps of one flight from a curve of starts by trials of their
+    length.
 
     ``log`` records the choices. They are first rounded to a few digits, so the log holds them
     exactly.
@@ -86,7 +87,11 @@ class StepSearch:
         self._done, self._share = 0.0, _FIRST_SHARE
 
     def step(self, path: CurvePath, longest: Any) -> Step:
-        """Return a step with small remainders; the return lies in it or well beyond it."""
+        """Return a step of the path with small remainders.
+
+        The orbits return to the section well inside this step, or well after it. ``longest`` is not
+        used.
+        """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
         trial = path.trial(ORDERS)
         for _ in range(_MAX_TRIALS):
@@ -107,9 +112,11 @@ class StepSearch:
         return step
 
     def _next(self) -> str:
-        """Return the share to try next, as a decimal.
+        """Return the length of the step to try next, as a share of the whole flight, in decimal
+        text.
 
-        If the return lies in that step, it is well away from both ends.
+        If the return to the section lies in that step, it is well away from both of the step's
+        ends.
         """
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
@@ -118,7 +125,11 @@ class StepSearch:
         """Do nothing: `step` has recorded the step."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-        """Return the axes of `axes_of_balls`, rounded, and record them."""
+        """Return new axes for the box of a set of states, by `axes_of_balls`, rounded to four
+        digits.
+
+        They are recorded in the log.
+        """
         axes = axes_of_balls(turned, sizes, stiffness)
         texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
@@ -126,10 +137,10 @@ class StepSearch:
 
 
 def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
-    """Return log2 of the step's length over the largest acceptable one.
+    """Return log2 of the ratio of a step's length to the largest length that is acceptable.
 
-    Remainders grow like the ``power`` of the length and may reach 2^tolerance. Returns infinity if
-    a remainder is not finite.
+    The remainders of the series grow like the ``power`` of the length and may reach 2^tolerance.
+    Returns infinity if a remainder is not finite.
     """
     size = max(float(part[-1].c[0].abs_upper()) for part in series)
     length = float(step.length.c[0].mid())
@@ -139,8 +150,10 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
 
 
 def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
-    """Approximate the image (gamma_bar, v) of the curve itself, and its time of flight, by
-    midpoints.
+    """Approximate the half map on a curve of starts: return the images (gamma_bar, v) and the time
+    of flight, as jets.
+
+    It computes with midpoints, without the deviations about the curve, and proves nothing.
     """
     orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
     total = curve.total
@@ -162,7 +175,9 @@ def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
 
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
-    """Estimate the time [s] for which the last two terms stay below 2^_TOLERANCE."""
+    """Estimate the step length [s], at most 1 s, for which the last two terms of a Taylor series
+    stay below 2^_TOLERANCE.
+    """
     sizes = [
         (float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])
     ]
@@ -172,7 +187,11 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
 
 
 def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
-    """Approximate the moment in a step at which beta_bar is 0, by points."""
+    """Approximate the time within a step at which beta_bar is 0, by Newton's iteration from a
+    guess.
+
+    It computes with midpoints and proves nothing. ``polynomials`` are those of the step in time.
+    """
     beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
     tau = guess.mid()
     for _ in range(_NEWTON_STEPS):
@@ -188,8 +207,8 @@ def family_polynomials(
     total: Any,
     kind: type[Curve],
 ) -> tuple[list[Jet], Jet]:
-    """Return Taylor polynomials in s of (gamma_bar, v, Omega) along the family, and of half the
-    period.
+    """Return Taylor polynomials along the family of limit cycles: of (gamma_bar, v, Omega), and of
+    half the period, in the parameter s.
 
     Their coefficients are points. ``start`` is near the cycle at s = 0; the first of the three
     numbers moves by ``radius`` as s grows by 1. With Y constant, a chord step finds the coefficient
@@ -231,7 +250,10 @@ class Rows(NamedTuple):
 def family_rows(
     constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
 ) -> Rows:
-    """Return `family_polynomials` in decimals. Raises Stopped if they are not finite."""
+    """Return the Taylor polynomials along the family (`family_polynomials`), rounded to decimals.
+
+    Raises Stopped if they are not finite.
+    """
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
@@ -243,7 +265,11 @@ def family_rows(
 def _slope(
     constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int
 ) -> list[Any]:
-    """Approximate the derivative of F with respect to the number with the index ``moving``."""
+    """Approximate a column of the Jacobian of F, the half map minus its start.
+
+    The column is the derivative with respect to the number with the index ``moving`` of a
+    ``point``, three numbers.
+    """
     zero = 0 * point[0]
     first, v, speed = (
         Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
@@ -256,7 +282,9 @@ def _slope(
 
 
 class Boxed(NamedTuple):
-    """A passed test of a box, with its evidence."""
+    """A passed Krawczyk test of an arc of the family, with the box's radii and the
+    recorded steps.
+    """
 
     arc: Arc
     radii: list[Fraction]
@@ -269,9 +297,14 @@ class Boxed(NamedTuple):
 
 
 def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
-    """Test boxes, first with these radii, until Krawczyk's image fits, and return the passed test.
+    """Repeat Krawczyk's test of an arc with adapted boxes until it passes, and return the passed
+    test.
 
-    Raises Stopped if none passes.
+    Raises Stopped if it does not pass.
+
+    Args:
+        test: Called with the radii of a box and a proposer of steps; returns the test's result.
+        radii: The radii of the first box.
     """
     for _ in range(_MAX_ATTEMPTS):
         choices, sizes = StepSearch(), [two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
@@ -293,10 +326,11 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
 def prove_piece(
     parameters: Parameters, low: Fraction, high: Fraction, guess: Guess
 ) -> Piece | ArcStatus:
-    """Prove the family from one amplitude to another [rad], with scaled states if ``low`` is 0.
-    Return the piece, or the reason why it is not proved.
+    """Prove a piece of the family of limit cycles, between two amplitudes [rad]. Return the piece,
+    or the reason why it is not proved.
 
-    ``guess`` is a cycle at the middle of a or, with scaled states, of a^2.
+    States are scaled by the amplitude if ``low`` is 0. ``guess`` is a cycle at the middle of a or,
+    with scaled states, of a^2.
     """
     ends = (low, high) if low else (low, high**2)
     middle, length = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
@@ -352,7 +386,11 @@ def prove_piece(
 
 
 def piece_entry(piece: Piece) -> dict[str, object]:
-    """Return the entries of a piece, without its evidence, in exact decimals."""
+    """Return a proved piece of the family as a dictionary for output, with all numbers as exact
+    texts.
+
+    The evidence is left out.
+    """
     return {
         "low": exact_text(piece.low),
         "high": exact_text(piece.high),
@@ -364,5 +402,5 @@ def piece_entry(piece: Piece) -> dict[str, object]:
 
 
 def two_digits(value: Fraction) -> Fraction:
-    """Round up to a decimal of two digits."""
+    """Return the least decimal of two significant digits that is at least ``value`` > 0."""
     return Fraction(rounded_up(value))

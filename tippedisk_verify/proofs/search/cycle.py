@@ -67,9 +67,9 @@ class CycleStatus(Enum):
 
 @dataclass(frozen=True, repr=False)
 class CycleProof(Proof):
-    """The proof of one limit cycle, librating (`HALF`) or rotating (`TURN`).
+    """The proof of one limit cycle, librating (section `HALF`) or rotating (section `TURN`).
 
-    Names of numbers are those of `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
+    The numbers have the same names as in `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
 
     _printed: ClassVar = ("stable", "reversals", "unique_within")
@@ -93,7 +93,11 @@ class CycleProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate."""
+        """The claim of the certificate about this limit cycle, as a dictionary.
+
+        It has the disk, the speed, the enclosed numbers, the stability and the distances within
+        which the cycle is unique.
+        """
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
         room = {name: _decimal_below(distance) for name, distance in distances}
@@ -113,9 +117,10 @@ class CycleProof(Proof):
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
-        """Return the number of bits by which the worst number misses ``digits`` digits.
+        """Return the number of bits that the least accurate enclosed number lacks to have
+        ``digits`` digits; 0 if none lacks any.
 
-        They are significant digits for the main results, and decimals for the others.
+        The digits are significant digits for the main results, and decimals for the other numbers.
         """
         worst = 0
         for name, value in self.values.items():
@@ -133,9 +138,9 @@ class CycleProof(Proof):
         return worst
 
     def numbers(self) -> dict[str, Measured]:
-        """Return the enclosures, slightly widened, as exact rational midpoints and radii.
+        """Return the enclosed numbers of the cycle by name, as exact rational midpoints and radii.
 
-        Raises InputError if nothing is proved.
+        The radii are slightly widened. Raises InputError if nothing is proved.
         """
         if not self.proved:
             raise InputError(self.statement)
@@ -185,7 +190,12 @@ def prove_cycle(
 
 
 class Attempt:
-    """A proof in progress: the current precision and box. Failures are raised as `Stopped`."""
+    """The search for a proof of one limit cycle at one speed, with its current precision and box
+    size.
+
+    `run` refines a guess and applies Krawczyk's test to a box about it. It repeats this with more
+    bits until the cycle is proved to the wanted digits. It raises `Stopped` if that fails.
+    """
 
     def __init__(
         self,
@@ -206,7 +216,9 @@ class Attempt:
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
     def model(self) -> Model:
-        """Return the equations of motion at the current working precision."""
+        """Return the equations of motion at this search's speed, on balls of the
+        working precision.
+        """
         return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> CycleProof:
@@ -246,16 +258,23 @@ class Attempt:
         size: int,
         centre: tuple[Steps, Return] | None = None,
     ) -> tuple[FixedPoints | Return, dict[str, Any]]:
-        """Apply Krawczyk's test to a box whose radii are 2^-size times the state.
+        """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
-        Return its result, or the flight that failed, and the evidence.
+        Args:
+            middle: The box's centre: both coordinates on the section, and the speed.
+            drift: A ball of the speed's deviation from the centre.
+            size: The exponent of the radii.
+            centre: The flight from the centre, if it has already been computed.
+
+        Returns:
+            The test's result (or a flight that did not return to the section), and the evidence.
         """
         sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
         return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
 
     def sharpened(self, guess: Sequence[Any]) -> list[Any]:
-        """Refine a guess to within the box's radius of the fixed point, by Newton's iteration on
-        midpoints.
+        """Refine a guess of a limit cycle by Newton's iteration on midpoints, until its distance
+        from the cycle is less than the radius of the box to be tested.
         """
         with working_precision(self.bits):
             state = [ball(part).mid() for part in guess]
@@ -305,7 +324,11 @@ class Attempt:
     def neighbourhood(
         self, proof: CycleProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
     ) -> CycleProof:
-        """Return the proof with the widest box that passes the test, and with its evidence."""
+        """Return the proof of a cycle, completed by its evidence and a distance to any other cycle.
+
+        Wider boxes than that of the proof are tested, the widest first. The first one that passes
+        gives distances within which there is no second fixed point.
+        """
         with working_precision(_REMOTE_BITS):
             for size in _REMOTE_BOXES:
                 if size >= self.box_bits:
@@ -320,7 +343,9 @@ class Attempt:
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
 
     def concluded(self, fixed: FixedPoints) -> CycleProof:
-        """Return the proof of the cycle, with its numbers, from a test that was passed."""
+        """Return the proof of a limit cycle, with its numbers, from a passed Krawczyk test
+        ``fixed``.
+        """
         values, where = (
             cycle.cycle_numbers(self.section, fixed),
             f"{fixed.centre.steps} + {fixed.box.steps} steps",
@@ -345,7 +370,10 @@ def _not_followed(flight: Return) -> Stopped:
 
 
 def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
-    """Return the number of extra bits, at least 16, that bring the rounding errors of Y F(m) well
+    """Return the number of extra bits, at least 16, with which the next test of a box should
+    compute.
+
+    With them the rounding errors of Y F(m), the residual term of Krawczyk's operator, are well
     below the box's radius.
     """
     if not all(part.is_finite() for part in fixed.residual):

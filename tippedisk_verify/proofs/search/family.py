@@ -40,9 +40,11 @@ _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe s
 
 @dataclass(frozen=True, repr=False)
 class FamilyProof(Proof):
-    """The proof of the family.
+    """The proof of the family of limit cycles between Omega_h and Omega_crit, as far as it
+    succeeded.
 
-    ``pieces`` form one curve from the Hopf point on; there may be none.
+    ``pieces`` are proved parts of the family that form one curve from the Hopf point on. There may
+    be none.
     """
 
     parameters: Parameters
@@ -56,7 +58,8 @@ class FamilyProof(Proof):
 
     @cached_property
     def hopf_closed(self) -> bool:
-        """True if the pieces are one curve that is proved to begin at the Hopf point.
+        """True if the pieces of the family are proved to form one curve that begins at the Hopf
+        point.
 
         Raises InputError for a disk without the closed forms' hypotheses.
         """
@@ -66,7 +69,9 @@ class FamilyProof(Proof):
 
     @cached_property
     def end_closed(self) -> bool:
-        """True if the last piece runs into the proved cycles next to the connection."""
+        """True if the last piece of the family runs into the limit cycles that are proved next to
+        the heteroclinic connection.
+        """
         if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
             return False
         with working_precision(_BITS):
@@ -74,13 +79,15 @@ class FamilyProof(Proof):
 
     @property
     def proved(self) -> bool:
-        """True if the theorem is proved for the whole of (Omega_h, Omega_crit)."""
+        """True if the theorem is proved for all speeds between Omega_h and Omega_crit."""
         return self.hopf_closed and self.end_closed
 
     @property
     def omega_end(self) -> Fraction | None:
-        """The lowest speed [rad/s], rounded up, from which all speeds to Omega_crit belong to the
-        curve.
+        """The lowest speed [rad/s], rounded up, to which the proved curve of limit cycles reaches.
+
+        All speeds from there up to Omega_crit belong to the curve. None if no curve is proved from
+        the Hopf point on.
         """
         if not self.hopf_closed:
             return None
@@ -89,9 +96,11 @@ class FamilyProof(Proof):
 
     @property
     def covered(self) -> Fraction | None:
-        """A lower bound of the covered share of (Omega_h, Omega_crit).
+        """A lower bound of the share of the speeds between Omega_h and Omega_crit at which a limit
+        cycle is proved.
 
-        It is None if Omega_h is not proved.
+        It is 1 if the whole family is proved. It is None if Omega_h is not proved, or if no curve
+        is proved from the Hopf point on.
         """
         if self.proved:
             return Fraction(1)
@@ -109,7 +118,11 @@ class FamilyProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate."""
+        """The claim of the certificate about the family of limit cycles, as a dictionary.
+
+        It has the disk, the numbers, the amplitudes and speed that the curve reaches, and distances
+        within which its cycles are unique.
+        """
         names = ("v_0_per_gamma_bar_0", "v_0", "omega")
         claim = claim_of(
             "family of limit cycles",
@@ -139,8 +152,10 @@ class FamilyProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted; empty if nothing is proved from the Hopf point
-        on.
+        """The choices that the certificate records and the kernel has accepted: those of each arc,
+        and those of the cycles next to the connection if they are reached.
+
+        It is empty if nothing is proved from the Hopf point on.
         """
         if not self.hopf_closed:
             return {}
@@ -155,14 +170,18 @@ class FamilyProof(Proof):
 
     @property
     def reason(self) -> str:
-        """The reason for which the curve ends."""
+        """The reason why the proved curve of limit cycles does not go further, in words."""
         if self.stopped is None:
             return "no more was asked for" if self.pieces else "nothing was tried"
         where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
         return f"{where} {self.stopped.value}"
 
     def to_dict(self) -> dict[str, object]:
-        """Return the entries for the command line."""
+        """Return this proof as a dictionary for the command line: its statement, numbers and arcs.
+
+        The entry ``ends`` has two parts, one for each end of the family. Each part tells if that
+        end of the range of speeds is reached and, if it is not, the reason.
+        """
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {
             "hopf": {"closed": hopf},

@@ -78,8 +78,8 @@ def prove_family(
     stage: Callable[[str], None] = lambda name: None,
     watch: Watch = lambda found, interval: None,
 ) -> FamilyProof:
-    """Prove as much of the family as possible: up to the amplitude ``until`` [rad], or up to the
-    connection.
+    """Prove as much of the family of limit cycles as possible: up to the amplitude ``until`` [rad],
+    or up to the connection.
 
     Args:
         parameters: The disk.
@@ -130,7 +130,8 @@ def prove_family(
 
 
 def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
-    """Prove the cycles next to the connection, with the largest reach that succeeds.
+    """Prove the limit cycles next to a connection up to the largest distance from Omega_h that
+    succeeds.
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
@@ -146,8 +147,10 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
 
 
 def _end_for(near: ConnectionCyclesProof | None, known: Sequence[Known]) -> Fraction | None:
-    """Return an amplitude at which pieces reach the proved cycles next to the connection, or None
-    if these are not proved.
+    """Return an amplitude at which the family's pieces run into the proved cycles next to the
+    connection.
+
+    Returns None if those cycles are not proved. ``known`` are approximate cycles of the family.
     """
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
@@ -157,7 +160,10 @@ def _end_for(near: ConnectionCyclesProof | None, known: Sequence[Known]) -> Frac
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
-    """Yield speeds whose amplitudes lie close together at both ends."""
+    """Yield falling speeds above Omega_h at which cycles of the family are to be computed.
+
+    They are chosen so that the cycles' amplitudes lie close together at both ends of the family.
+    """
     span = omega_crit(parameters).value - omega_h
     for k in range(_KNOWN // 10, _KNOWN - 1):
         left = span * (1 - Fraction(k, _KNOWN) ** 2)
@@ -169,15 +175,18 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 @dataclass(frozen=True)
 class Interval:
-    """An interval of amplitudes to be proved [rad]. If ``low`` is 0, states are scaled."""
+    """An interval of amplitudes [rad] for which the family is to be proved. If ``low`` is 0, the
+    proof scales states by their amplitude.
+    """
 
     low: Fraction
     high: Fraction
     halvings: int = 0
 
     def halves(self) -> tuple[Interval, ...]:
-        """Return both halves. If ``low`` is 0, return the lower half only, because the other one
-        needs known cycles.
+        """Return the two halves of the interval.
+
+        If ``low`` is 0, only the lower half is returned, because the other one needs known cycles.
         """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
         lower = Interval(self.low, middle, count)
@@ -185,7 +194,9 @@ class Interval:
 
 
 def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
-    """Return the unproved intervals between the Hopf point and the amplitude ``end``."""
+    """Return the intervals of amplitudes between the Hopf point and the amplitude ``end`` on which
+    the family is not yet proved.
+    """
     covered = chain(pieces)
     low = covered[-1].high if covered else Fraction(0)
     later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
@@ -212,7 +223,7 @@ def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
 
 
 def chain(pieces: Iterable[Piece]) -> list[Piece]:
-    """Return the pieces that form one curve from the Hopf point on, in order."""
+    """Return those of the proved pieces that form one curve from the Hopf point on, in order."""
     curve: list[Piece] = []
     for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
         if not curve:
@@ -224,7 +235,9 @@ def chain(pieces: Iterable[Piece]) -> list[Piece]:
 
 
 def hopf_guess(parameters: Parameters) -> Guess:
-    """Return v_0 / gamma_bar_0, Omega and half the period of the linear flow at Omega_crit."""
+    """Return a guess of the family's cycles next to the Hopf point: v_0 / gamma_bar_0, Omega and
+    half the period of the linear flow at Omega_crit.
+    """
     with working_precision(64):
         numbers = hopf_balls(ball_constants(parameters))
         speed, period = numbers["omega_crit"], numbers["period"]
@@ -254,10 +267,12 @@ def prove_intervals(
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
 ) -> ArcStatus | None:
-    """Prove intervals. Return the reason why the lowest failed one was given up, or None if all are
-    proved.
+    """Try to prove the family on some intervals of amplitudes, halving intervals that fail.
 
-    ``watch`` is called with each interval that is proved or given up, and the piece or the reason.
+    Returns None if all are proved, otherwise the reason why the lowest failed one was given up.
+
+    ``known`` are approximate cycles, from which guesses are made. ``watch`` is called with each
+    interval that is proved or given up, and the piece or the reason.
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, known, executor, intervals)
@@ -273,9 +288,10 @@ def prove_intervals(
 
 
 class _Jobs:
-    """An iterator over results of intervals, as (piece or reason, interval).
+    """An iterator over intervals of amplitudes and the results of proving them.
 
-    The intervals are tried here in order, the lowest first, or all at once in other processes.
+    It yields pairs: the proved piece or the reason for the failure, and the interval. The intervals
+    are tried here in order, the lowest first, or all at once in other processes.
     """
 
     def __init__(
@@ -298,7 +314,7 @@ class _Jobs:
             self.waiting = []
 
     def drop_from(self, low: Fraction) -> None:
-        """Cancel intervals beyond ``low`` that have not begun."""
+        """Cancel the proofs of intervals beyond the amplitude ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
         for future in [
             future

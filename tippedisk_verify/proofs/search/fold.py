@@ -48,7 +48,10 @@ _CHORDS = 12
 
 @dataclass(frozen=True, repr=False)
 class FoldProof(Proof):
-    """The proof of a fold of librating (`HALF`) or rotating (`TURN`) cycles."""
+    """The proof of a fold, where two limit cycles merge: an extremum of Omega along a family.
+
+    The cycles are librating (section `HALF`) or rotating (section `TURN`).
+    """
 
     _printed: ClassVar = ("extremum",)
 
@@ -77,7 +80,7 @@ class FoldProof(Proof):
 
     @property
     def claim(self) -> dict[str, Any]:
-        """The claim of the certificate."""
+        """The claim of the certificate about this fold, as a dictionary."""
         kind = next(kind for kind, section in fold.KINDS.items() if section == self.section)
         return claim_of(kind, self.parameters, self.values, extremum=self.extremum)
 
@@ -89,10 +92,11 @@ def prove_fold(
     digits: int = 12,
     section: PoincareSection = HALF,
 ) -> FoldProof:
-    """Prove the fold near a point (both coordinates on the section, Omega).
+    """Prove a fold of limit cycles near a given point and enclose its speed to ``digits``
+    significant digits.
 
-    The point needs a few more than ``digits`` digits. The fold's speed is enclosed to ``digits``
-    significant digits. If the proof fails, the result gives the reason. Raises InputError under the
+    The point consists of both coordinates on the section and Omega. It needs a few more than
+    ``digits`` digits. If the proof fails, the result gives the reason. Raises InputError under the
     smooth law.
     """
     parameters.refuse_unless_linear("the fold of limit cycles is proved")
@@ -119,7 +123,10 @@ def prove_fold(
 
 
 class _Attempt:
-    """A proof in progress, about one point on one arc. Failures are raised as Unproved."""
+    """A proof of a fold in progress, near one point and on one arc of cycles.
+
+    Failures are raised as Unproved.
+    """
 
     def __init__(
         self,
@@ -132,7 +139,9 @@ class _Attempt:
         self.evidence: dict[str, Any] = {}
 
     def run(self) -> tuple[Literal["smallest", "largest"], dict[str, Measured]]:
-        """Return the kind of extremum and the numbers, at the current working precision."""
+        """Prove the fold at the current working precision. Return the kind of the extremum of
+        Omega, and the enclosed numbers.
+        """
         p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
         length = ball(self.arc.uncertainty)
         whole = self.whole(p, length)
@@ -159,8 +168,10 @@ class _Attempt:
         return extremum, values
 
     def whole(self, arc: Any, length: Any) -> FixedPoints:
-        """Test the cycles of all points of the arc, in a box widened until it holds Krawczyk's
-        image.
+        """Apply Krawczyk's test to the limit cycles of all points of the arc, and return the passed
+        test.
+
+        The box is widened until it holds Krawczyk's image.
         """
         m, sizes = (
             [ball(part).mid() for part in self.near],
@@ -179,7 +190,11 @@ class _Attempt:
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
     def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
-        """Test the cycle at an end of the arc, after chord steps towards it."""
+        """Apply Krawczyk's test to the limit cycle at an end of the arc, and return the passed
+        test.
+
+        Chord steps first approximate that cycle.
+        """
         (f, *first), (g, *second) = whole.slopes
         inverse, p = midpoint_inverse((first, second)), end.mid()
         along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
@@ -216,7 +231,9 @@ class _Attempt:
         sizes: Sequence[Any],
         centre: tuple[Steps, Return] | None = None,
     ) -> FixedPoints:
-        """Apply Krawczyk's test about a point, and store its choices as evidence."""
+        """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
+        evidence.
+        """
         setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre

@@ -38,7 +38,9 @@ _AXIS_BITS = 30
 
 
 class Steps:
-    """A proposer of steps that works by trial and error on the kernel's test."""
+    """A proposer that finds the time steps of a flight by trial and error: each trial is put to the
+    kernel's test.
+    """
 
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
@@ -46,13 +48,19 @@ class Steps:
         self._share = 0.75
 
     def beyond(self) -> Steps:
-        """Return a new search. Its steps are logged with the step that begins before."""
+        """Return a new search, for the part of a step after the sliding velocity has changed its
+        sign.
+
+        The new search's log is not used: `took` logs both parts of such a step in this object.
+        """
         return Steps()
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        """Return a step whose remainders are as small as rounding, or as a share of the box.
+        """Return a step of the path that the kernel's test proves, at most ``longest`` seconds
+        long.
 
-        Returns None if none passes.
+        Its remainders are at most as large as rounding, or as a small share of the box. Returns
+        None if no step passes.
         """
         try:
             return self._trials(path, longest)
@@ -60,7 +68,9 @@ class Steps:
             return None
 
     def _trials(self, path: Path, longest: float | None) -> Step | None:
-        """Try steps of falling length and return the first one that passes, or None."""
+        """Try steps of falling length, at most ``longest`` seconds, and return the first one that
+        the kernel's test proves with small remainders. Return None if all fail.
+        """
         bits = working_bits()
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
@@ -98,7 +108,10 @@ class Steps:
         return None
 
     def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
-        """Choose new axes by `axes_of_balls`, rounded to a few bits, which keeps the log short."""
+        """Return new axes for the box of a set of states, by `axes_of_balls`.
+
+        They are rounded to a few bits, which keeps the log short.
+        """
         return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
 
     def took(self, step: Step, axes: Matrix) -> None:
@@ -112,8 +125,8 @@ class Steps:
 
 
 def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
-    """Return log2 of the largest allowed remainders: a list for the state's components, and one
-    number for the derivatives.
+    """Return log2 of the largest remainders that a step may have: a list for the state's
+    components, and one number for the derivatives.
     """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
@@ -130,9 +143,10 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
 
 
 def _order(bits: int, least: int = _MIN_ORDER) -> int:
-    """Return the order of a series near the flat optimum, 0.3 bits.
+    """Return a good order for the Taylor series of a step: 0.3 times the precision in bits.
 
-    The cost grows like its square, and the step's length like 2^(-bits/order).
+    The optimum is flat near this order. The cost grows like the square of the order, and the step's
+    length like 2^(-bits/order).
     """
     return max(least, round(0.3 * bits))
 
@@ -144,9 +158,16 @@ def _excess(
     length: float,
     power: int,
 ) -> float:
-    """Return log2 of the step's length over the largest acceptable one.
+    """Return log2 of the ratio of a step's length to the largest length that is acceptable.
 
-    The remainders grow like the ``power`` of the length.
+    A negative result means that the step is short enough.
+
+    Args:
+        remainders: The remainder's coefficient for each component.
+        sizes: log2 of the components' sizes.
+        allowed: log2 of the largest allowed remainders, relative to the sizes.
+        length: The step's length [s].
+        power: The power of the length with which the remainders grow.
     """
     size = math.log2(length)
     return (
@@ -159,9 +180,14 @@ def _excess(
 
 
 def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
-    """Estimate the longest step [s], at most 1 s, for which the last two terms stay within bounds.
+    """Estimate the longest step [s], at most 1 s, for which the last two terms of a Taylor series
+    stay within bounds.
 
-    The test decides.
+    It only guides the search: the kernel's test decides if a step is proved.
+
+    Args:
+        series: The Taylor coefficients of each component.
+        allowed: log2 of the bounds of the components.
     """
     order = len(series[0]) - 1
     exponents = (
@@ -186,11 +212,17 @@ def searched_test(
     moved: Any,
     centre: tuple[Steps, Return] | None = None,
 ) -> tuple[FixedPoints | Return, dict[str, Any]]:
-    """Apply Krawczyk's test about three points; return its result and evidence.
+    """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
+    evidence.
 
-    ``sizes`` (points) are the radii of the box of the two ``unknown`` numbers. The ball ``moved``
-    is the deviation of the third one. Pass ``centre`` if the flight of the middle has already been
-    computed.
+    Args:
+        setting: The disk and the friction law.
+        section: The section whose map is tested for a fixed point.
+        unknown: The indices of the two unknown numbers among the three (both coordinates, Omega).
+        middle: The box's centre, three exact numbers.
+        sizes: The radii of the box for the two unknown numbers.
+        moved: A ball about zero, the deviation of the third number.
+        centre: The search and the flight from the centre, if they have already been computed.
     """
     way, flight = (Steps(), None) if centre is None else centre
     chosen: list[Sequence[Any]] = []
@@ -208,7 +240,11 @@ def searched_test(
 
 
 def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
-    """Return the inverse (2, 2) of the matrix of midpoints, as points."""
+    """Return the inverse of a (2, 2) matrix of balls, computed from their midpoints, as exact
+    numbers.
+
+    It approximates the inverse and encloses nothing.
+    """
     (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
     determinant = a * d - b * c
     return [
@@ -218,8 +254,15 @@ def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
 
 
 def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
-    """Return axes (columns, points) that are orthogonal once velocities are divided by the
-    stiffness.
+    """Return new axes for the box of a set of states: three columns of exact numbers.
+
+    They are nearly orthogonal once velocities are divided by the stiffness. Gram-Schmidt's method
+    makes them from the columns of a matrix, in falling order of length times size.
+
+    Args:
+        turned: A (3, 3) matrix of balls, whose columns are the old axes as the flow has moved them.
+        sizes: The sizes of the set along the old axes.
+        stiffness: The factor [1/s] by which velocities are divided.
     """
     weights = (1.0, 1.0, 1 / stiffness)
     columns = [

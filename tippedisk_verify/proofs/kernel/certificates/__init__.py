@@ -90,7 +90,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
 
 
 def sentence(claim: Mapping[str, Any]) -> str:
-    """Return the claim in one or more sentences, which also name the disk and the friction law."""
+    """Return the theorem that a certificate's claim states, in one or more sentences of English,
+    which also name the disk and the friction law.
+    """
     disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
     numbers = {
         name: f"{number['value']} ± {number['uncertainty']}"

@@ -91,8 +91,8 @@ CHOICES = {
 
 @dataclass(frozen=True)
 class EnclosedConnection:
-    """A verified interval of speeds: exactly one (or at least one) of them has a connection of
-    saddles.
+    """A verified interval of speeds: at exactly one (or at least one) of them a heteroclinic orbit
+    connects the two saddles.
     """
 
     disk: dict[str, str]
@@ -113,7 +113,8 @@ def verify_connection(
     omega_h: tuple[Fraction, Fraction],
     choose: Callable[..., Any],
 ) -> EnclosedConnection:
-    """Show that an interval of speeds contains one with a connection of saddles.
+    """Show that an interval of speeds contains one at which a heteroclinic orbit connects the
+    saddles.
 
     Args:
         disk: The eight exact numbers of the disk.
@@ -234,9 +235,10 @@ def _stands(beta: Any) -> bool:
 
 
 def _parts(step: Step) -> list[Any]:
-    """Return boxes of states (beta_bar, gamma_bar, v), one for each equal part of the step.
+    """Divide a step of a flight into parts of equal duration, and return a box of states for each.
 
-    In order of time they enclose the orbits over the whole step.
+    The boxes of (beta_bar, gamma_bar, v) are in order of time. Each one contains all orbits of the
+    flight during its part.
     """
     share = arb(step.length) / (2 * _PIECES)
     return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
@@ -271,15 +273,17 @@ def one_speed_stays(
     G: Sequence[Any],
     choose: Callable[..., Any],
 ) -> bool:
-    """Return True if the branches of two different speeds are shown not to stay both in a box.
-
-    Raises Unproved if a branch that stays is not shown to converge to the second saddle.
+    """Return True if it is shown that the unstable branch stays in a box about the second saddle at
+    one speed at most.
 
     Args:
         saddle: The coordinates z, with the ball of speeds.
         room: The half-lengths of the box about the second saddle, in (beta, gamma, v).
         G: The enclosed difference of two speeds' arrivals, in z, per rad/s.
         choose: Called with "apart", and the values on which these weights of a cone may depend.
+
+    Raises:
+        Unproved: If a branch that stays is not shown to converge to the second saddle.
     """
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
     _, slopes, by_speed = saddle.field(box)
@@ -332,7 +336,7 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
 
 
 class Recorded:
-    """The recorded choices of a certificate, as a function that returns the choice of a given name.
+    """A function that returns the recorded choice of a given name from a certificate.
 
     The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
     its log have been taken.
@@ -365,7 +369,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Replay the proof of a claim about Omega_h with the recorded choices.
+    """Check a certificate about Omega_h: repeat the proof with the choices that it records.
 
     Args:
         claim: The claim, as read from the file.
@@ -396,7 +400,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters, in one sentence."""
+    """Return the theorem that a certificate claims about the heteroclinic connection, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
     count = "exactly one" if claim["unique"] else "at least one"
     upright = ", with |beta - pi/2| < pi/2 all along" if claim["upright"] else ""

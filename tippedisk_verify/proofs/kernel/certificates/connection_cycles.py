@@ -194,8 +194,10 @@ EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
 
 @dataclass(frozen=True)
 class CyclesNextToConnection:
-    """A verified result: at each speed of (Omega_h, high] the half map P has exactly one fixed
-    point in the set Q of the module's docstring.
+    """A verified result about the limit cycles at speeds just above Omega_h, in (Omega_h, high].
+
+    At each of these speeds the half map P has exactly one fixed point in the set Q of the module's
+    docstring.
     """
 
     low: Fraction
@@ -207,7 +209,8 @@ class CyclesNextToConnection:
     time: Any = None  #: a lower bound of the duration of a passage from D [s]
 
     def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
-        """Return True if the balls gamma_bar, v lie in Q, and the ball omega in (Omega_h, high].
+        """Return True if the ball omega lies in (Omega_h, high], and the balls gamma_bar, v lie in
+        the set Q in which the limit cycles are unique.
 
         A fixed point of the half map in these balls is then the only one in Q.
         """
@@ -230,7 +233,8 @@ def verify_cycles(
     choose: Callable[..., Any],
     watch: Callable[[float], None] = lambda share: None,
 ) -> CyclesNextToConnection:
-    """Show that the half map has one fixed point in Q above Omega_h, and none at it or below.
+    """Prove the limit cycles next to the connection: the half map has one fixed point in Q at each
+    speed above Omega_h, and none at Omega_h or below.
 
     The proof is that of the module's docstring, at all speeds from ``low`` to ``high`` [rad/s].
 
@@ -340,7 +344,8 @@ class LoopMap:
         )
 
     def verify(self, arrivals: Sequence[Sequence[Any]]) -> Any:
-        """Show that R contracts and that its fixed point moves monotonically with the speed.
+        """Show that the loop's map R contracts and that its fixed point moves monotonically with
+        the speed.
 
         Args:
             arrivals: The enclosed arrivals of all flights with their derivatives, as `arrivals`
@@ -365,7 +370,11 @@ class LoopMap:
         require_positive("7a.1: orbits enter N and leave it", entering[S], speed)
 
         def after_round(d: Sequence[Any]) -> list[Any]:
-            """Return upper bounds of |d_u| and |d_f| after one round, for a variation ``d``."""
+            """Return upper bounds of |d_u| and |d_f| when an orbit returns to D after one round of
+            the loop.
+
+            ``d`` is the variation (d_u, d_s, d_f) of its start in D.
+            """
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
@@ -444,7 +453,8 @@ def _flights(
     entry: dict[str, Any],
     watch: Callable[[float], None],
 ) -> list[list[Any]]:
-    """Enclose the arrivals of the flights from all exits at all speeds of [low, high].
+    """Enclose the arrivals of the flights from all exits of the saddle's box at all speeds of [low,
+    high].
 
     Speeds and exits are divided into cells, with one flight for each pair of them. ``entry``
     contains the number of steps and the lengths of steps: a row for each cell of speeds, in it a
@@ -476,10 +486,10 @@ def _flights(
 
 
 def _connected(n: Passage, connection: EnclosedConnection) -> None:
-    """Raise Unproved unless the connection is shown to stay in the box N from z_s = -s on.
+    """Raise Unproved unless the heteroclinic connection is shown to stay in the box N about the
+    saddle from z_s = -s on, with gamma growing all along it.
 
-    It must also be shown that gamma grows all along it. The boxes ``connection.pieces`` enclose
-    the connection.
+    The boxes ``connection.pieces`` enclose the connection.
     """
     saddle, (u, s, t) = n.saddle, n.extents
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
@@ -502,7 +512,10 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
-    """Replay the proof of the cycles next to the connection, and return what is proved.
+    """Check a certificate about the limit cycles next to the connection: repeat the proof with the
+    choices that it records.
+
+    Returns the proved result.
 
     Args:
         claim: The claim, as read from the file.
@@ -531,7 +544,15 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextT
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters."""
+    """Return the theorem that a certificate claims about the limit cycles next to the heteroclinic
+    connection, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     low, high, gamma, v = (claim[name] for name in CLAIM)
     return (
         f" let gamma be a real number, not an angle; let P be the half map from the section beta = "

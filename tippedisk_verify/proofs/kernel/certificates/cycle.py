@@ -59,9 +59,10 @@ UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
-    """Return the names of the numbers that a certificate claims for a cycle of this section.
+    """Return the names of the numbers that a certificate claims about a limit cycle.
 
-    Those of `main_numbers`, which have the requested digits, come first.
+    ``section`` tells if the cycle is librating or rotating. The names of `main_numbers`, which have
+    the requested digits, come first.
     """
     slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
@@ -73,18 +74,24 @@ def main_numbers(section: PoincareSection) -> tuple[str, ...]:
 
 
 def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
-    """Return where the test of a cycle is centred, and the deviation of the claimed speed.
+    """Return the centre of the box in which a cycle is tested, and the speed's deviation from it.
 
-    ``middle`` holds two points on the section. The claim's exact speed is enclosed in a ball. The
-    first result is the list of both points and the ball's midpoint. The second one is the ball
-    minus its midpoint.
+    Args:
+        claim: The claim, with its exact speed.
+        middle: Both coordinates of the centre on the section, as exact numbers.
+
+    Returns:
+        A list of these coordinates and of the midpoint of a ball that holds the speed. Then that
+        ball minus its midpoint.
     """
     speed = ball(claim["omega"])
     return [*middle, speed.mid()], speed - speed.mid()
 
 
 def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
-    """Return enclosures of the numbers of `claimed_names`: period, multipliers, derivatives, ...
+    """Return enclosures of a limit cycle's numbers by name: period, multipliers, derivatives, ...
+
+    The names are `claimed_names`.
 
     Args:
         section: The section of the cycle.
@@ -124,7 +131,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
 
 
 def stability(numbers: Mapping[str, Any]) -> bool | None:
-    """Return True if the cycle is proved asymptotically stable, False if proved unstable.
+    """Return True if a limit cycle is proved asymptotically stable, False if it is proved unstable.
 
     Returns None if neither is proved. The signs of the enclosed ``log_multiplier_slow`` and
     ``log_multiplier_fast`` decide.
@@ -136,10 +143,10 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
 
 
 def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
-    """Return two balls: the distances from the fixed point to the faces of a tested box.
+    """Return two balls: the distances from an enclosed fixed point to the faces of a tested box.
 
-    ``radii`` are those of the box, for the two coordinates on the section. No other fixed point is
-    nearer than these distances.
+    No other fixed point is nearer than these distances. ``radii`` are those of the box, for the two
+    coordinates on the section.
     """
     # The fixed point is up to |K - m| from the box's middle m, so it is nearer to the faces than m.
     first, second = (
@@ -149,7 +156,9 @@ def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any
 
 
 def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
-    """Return the number of sign changes of the sliding velocity in a period (smooth law only)."""
+    """Return the number of sign changes of the sliding velocity in a period of a limit cycle
+    (smooth law only).
+    """
     return int(section.laps * fixed.box.reversals)
 
 
@@ -174,7 +183,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Replay the proof of a limit cycle with the recorded choices.
+    """Check a certificate about one limit cycle: repeat the proof with the choices that it records.
 
     Args:
         claim: The claim, as read from the file.
@@ -212,7 +221,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters, in one sentence."""
+    """Return the theorem that a certificate claims about one limit cycle, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""

@@ -92,7 +92,9 @@ Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
 
 class ArcStatus(Enum):
-    """The reasons for which an arc is not proved or not joined; each value is a message."""
+    """The reasons why a proof of an arc of limit cycles fails, or why an arc is not joined to the
+    one before; each value is a message.
+    """
 
     NOT_FOLLOWED = (
         "the orbits of all these amplitudes could not be followed from section to section"
@@ -109,7 +111,8 @@ class ArcStatus(Enum):
 
 @dataclass(frozen=True)
 class Piece:
-    """A proved piece of the family, for all amplitudes from ``low`` to ``high`` [rad].
+    """A proved piece of the family of limit cycles, for all amplitudes from ``low`` to ``high``
+    [rad].
 
     ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. For an
     ordinary piece they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high -
@@ -130,7 +133,7 @@ class Piece:
         return not self.low
 
     def at(self, amplitude: Fraction) -> Pair:
-        """Evaluate the polynomials: return v_0 [rad/s] and Omega [rad/s] at an amplitude [rad]."""
+        """Return v_0 [rad/s] and Omega [rad/s] of the piece's polynomials at an amplitude [rad]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
@@ -140,14 +143,17 @@ class Piece:
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
-        """Convert values of the two polynomials, or distances of them, to those of v_0 and Omega.
+        """Convert values of the piece's two polynomials, or distances from them, to v_0 and Omega.
 
-        For a scaled piece the first one is multiplied by the amplitude [rad].
+        For a scaled piece the first polynomial is v_0 / a, so its value is multiplied by the
+        amplitude a [rad]. Otherwise both values are returned unchanged.
         """
         return values[0] * (amplitude if self.scaled else 1), values[1]
 
     def speeds(self, amplitude: Fraction) -> Pair:
-        """Return a lower and an upper bound of Omega [rad/s] at an amplitude [rad]."""
+        """Return a lower and an upper bound of the speed Omega [rad/s] of the cycle with an
+        amplitude [rad].
+        """
         middle = self.at(amplitude)[1]
         return middle - self.within[1], middle + self.within[1]
 
@@ -170,7 +176,9 @@ def box_test(
     radii: Sequence[Fraction],
     choices: Any,
 ) -> Arc:
-    """Apply Krawczyk's test to a box about an arc's polynomials, at the working precision.
+    """Test if there is one limit cycle in a box about each point of an arc, by Krawczyk's operator.
+
+    The arc is a curve of approximate cycles, given by polynomials of the amplitude.
 
     Args:
         disk: The eight exact numbers.
@@ -200,7 +208,8 @@ def box_test(
 
 
 def signs(arc: Arc) -> ArcStatus | None:
-    """Return the first property that is not shown for an arc that has passed its test, or None.
+    """Return the status that names the first property of an arc of limit cycles that is not shown.
+    Return None if all are shown.
 
     The properties are, in this order: Omega falls, the cycles are stable, the period grows and
     beta_max grows.
@@ -216,7 +225,8 @@ def signs(arc: Arc) -> ArcStatus | None:
 
 
 def verify_piece(job: Job) -> Piece:
-    """Verify one arc of the family and return the piece that it proves.
+    """Check one arc in a certificate about the family of limit cycles, and return the piece that it
+    proves.
 
     ``job`` holds the disk, the amplitude at which the arc begins, the arc's number and its
     evidence. Raises Unproved with the test that fails, and Refused if the evidence has a wrong
@@ -258,7 +268,8 @@ Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
 
 
 def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if two pieces provably have the same cycle at an amplitude [rad].
+    """Return True if two pieces of the family provably have the same limit cycle at an amplitude
+    [rad].
 
     Returns False unless both pieces include the amplitude and it is positive.
     """
@@ -268,8 +279,8 @@ def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the enclosure of the first piece's cycle at this amplitude lies in the second
-    piece's box of uniqueness.
+    """Return True if the first piece's cycle at this amplitude is certainly the second piece's
+    cycle: its enclosure lies in the second piece's box of uniqueness.
     """
     parts = zip(
         first.at(amplitude),
@@ -282,15 +293,18 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
 
 
 def omega_crit(disk: Mapping[str, str]) -> Any:
-    """Return a ball that holds Omega_crit [rad/s]."""
+    """Return a ball that holds the critical speed Omega_crit [rad/s] of a disk, given its exact
+    numbers.
+    """
     c = constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
 def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return why the pieces are not proved to be one curve from the Hopf point on.
+    """Return the reason why pieces of the family are not proved to be one curve from the Hopf point
+    on.
 
-    Returns '' if they are proved to be one.
+    Returns '' if they are proved to be one curve.
     """
     if not pieces:
         return "there are no arcs"
@@ -304,10 +318,11 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
 
 
 def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction]:
-    """Return three distances from each cycle within which no second cycle has its gamma_bar_0.
+    """Return three distances within which each limit cycle of the family is unique.
 
-    They are a distance in v_0 / gamma_bar_0 [1/s] on the first piece, one in v_0 [rad/s] on all
-    later pieces, and one in Omega [rad/s] on all pieces.
+    No second cycle with the same gamma_bar_0 is nearer. They are a distance in v_0 / gamma_bar_0
+    [1/s] on the first piece, one in v_0 [rad/s] on all later pieces, and one in Omega [rad/s] on
+    all pieces.
     """
     rooms = [
         [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)]
@@ -318,7 +333,9 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
 
 
 def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
-    """Return balls of Omega [rad/s], gamma_bar_0 [rad], v_0 [rad/s] where the last piece ends."""
+    """Return balls of Omega [rad/s], gamma_bar_0 [rad] and v_0 [rad/s] of the limit cycle at which
+    the last piece ends.
+    """
     last = pieces[-1]
     middle, off = last.at(last.high), last.scaled_to(last.high, last.within)
     v, omega = (ball(x) + arb(0, 1) * ball(near) for x, near in zip(middle, off, strict=True))
@@ -326,9 +343,10 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
 
 
 def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the shapes of a family's claim and of its evidence.
+    """Return the formats of the claim and of the evidence in a certificate about the family.
 
-    If ``whole``, the family reaches up to the connection, and both have further members for it.
+    `reading.parsed` checks a file against them. If ``whole``, the family reaches up to the
+    connection, and both formats have further members for it.
     """
     claim = {
         "friction": one_of("linear"),
@@ -346,7 +364,8 @@ SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
-    """Raise Unproved unless the recorded evidence proves the claim of a family.
+    """Check a certificate about the family of limit cycles. Raise Unproved unless its evidence
+    proves its claim.
 
     ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
     """
@@ -381,7 +400,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters, in several sentences."""
+    """Return the theorem that a certificate claims about the family of limit cycles, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     last, room, whole = (
         f"{claim['amplitude_end']} rad",
         claim["unique_within"],

@@ -41,7 +41,8 @@ def names(section: PoincareSection) -> tuple[str, ...]:
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
-    """Return three balls of p, the first coordinate: over the arc, at its lower and its upper end.
+    """Return three balls of p, the first coordinate on the section: over a whole arc of cycles, at
+    its lower and at its upper end.
 
     The arc contains all p with |p - place| <= half.
     """
@@ -49,16 +50,16 @@ def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
 
 
 def slope(fixed: FixedPoints) -> Any:
-    """Return a ball of dOmega/dp, the speed's slope along the curve of fixed points of a test.
+    """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
-    p is the first coordinate on the section.
+    p is the first coordinate on the section, and Omega the speed of the cycle through it.
     """
     (f, a, b), (g, c, d) = fixed.slopes
     return (c * f - a * g) / (a * d - b * c)
 
 
 def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
-    """Return the kind of extremum that Omega is shown to have inside the arc, or None.
+    """Return the kind of extremum that Omega is shown to have inside an arc of cycles, or None.
 
     ``lower`` and ``upper`` are balls of Omega's slope at the arc's lower and upper end. Only their
     signs matter.
@@ -74,7 +75,8 @@ def judge(
     points: Sequence[FixedPoints],
     radii: Sequence[Any],
 ) -> None:
-    """Raise Unproved unless the tests on the whole arc and at its ends prove the claim.
+    """Raise Unproved unless the passed tests, on a whole arc of cycles and at its ends, prove the
+    claim of a fold.
 
     Args:
         claim: The claim of a fold, with its numbers and the kind of extremum.
@@ -123,7 +125,7 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Replay the proof of a fold with the recorded choices.
+    """Check a certificate about a fold: repeat the proof with the choices that it records.
 
     Args:
         claim: The claim, as read from the file.
@@ -146,7 +148,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
-    """Return the statement about the disk, after its parameters, in one sentence."""
+    """Return the theorem that a certificate claims about a fold of limit cycles, in words.
+
+    The text continues a sentence that has already named the disk and its friction law.
+
+    Args:
+        claim: The claim of the certificate.
+        numbers: The claimed numbers by name, each as text with its uncertainty.
+    """
     section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"

@@ -176,7 +176,7 @@ class Passage:
         )
 
     def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
-        """Enclose the field's derivatives over an array of cells z.
+        """Enclose derivatives of the field F over an array of cells, boxes of coordinates z.
 
         Returns two lists. The first one contains the nine entries of DF, the sums of pairs of its
         diagonal entries, and B, the derivative of the field F by the speed. The second one
@@ -215,7 +215,8 @@ class Passage:
         self.B = [abs_upper(x) for x in whole[12:]]
 
     def weighted(self, weights: dict[str, Any]) -> None:
-        """Show the inequalities of parts 7a.1 to 7a.5 that concern N alone, with given weights.
+        """Show the inequalities of the proof (parts 7a.1 to 7a.5) that concern the box N alone,
+        with given weights.
 
         They concern the faces, the cones, the second compound, the thin set and the set K. Stores
         the weights, and the bounds that follow from them, for the other methods. Raises Unproved
@@ -321,9 +322,10 @@ class Passage:
         )
 
     def at_crossing(self, row: int) -> Any:
-        """Return an enclosure of y_row / z_u where beta_bar = 0 in the thin set.
+        """Return an enclosure of y_row / z_u where an orbit in the thin set crosses beta_bar = 0.
 
         y = (beta_bar, y_g, v) is the offset from the saddle, so row 1 is gamma's and row 2 is v's.
+        z_u is the coordinate along the unstable direction.
         """
         return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
 
@@ -345,7 +347,8 @@ class Passage:
         )
 
     def rates(self, z: Sequence[Any]) -> list[Any]:
-        """Return an enclosure of the field F over a box of z.
+        """Return an enclosure of the field F, the rates z', over a box of coordinates z about the
+        saddle.
 
         It is the mean value form about the box's midpoint.
         """
@@ -356,23 +359,27 @@ class Passage:
         return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
 
     def time(self, distance: Any) -> Any:
-        """Return a time [s] during which orbits that start close to the stable manifold stay in N.
+        """Return a lower bound [s] of the time that orbits starting close to the stable manifold
+        stay in the box N about the saddle.
 
-        They start at most ``distance`` below its graph, measured along z_u.
+        They start at most ``distance`` below the manifold's graph, measured along z_u.
         """
         u, s, t = self.extents
         return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
 
     def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """Return upper bounds of |z_s| and |z_f| after ``time`` [s] in N.
+        """Return upper bounds of |z_s| and |z_f| of orbits that have been in the box N for ``time``
+        [s].
 
-        ``slow`` and ``fast`` are bounds of |z_s| and |z_f| at the start.
+        z_s and z_f are the coordinates along the two stable directions of the saddle. ``slow`` and
+        ``fast`` are bounds of |z_s| and |z_f| at the start.
         """
         parts = zip((slow, fast), self.decay, self.forcing, strict=True)
         return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
-        """Return an upper bound of |z_u| where orbits below the graph reach beta_bar = 0.
+        """Return an upper bound of |z_u| for orbits in the box N where they reach beta_bar = 0,
+        having started below the stable manifold's graph.
 
         The orbits start on z_s = -s with |z_u| <= lid and |z_f| <= fast. If they reach beta_bar = 0
         before the ``moment`` [s], |z_u| has grown at a bounded rate. If they reach it later, |z_s|
@@ -386,9 +393,11 @@ class Passage:
         )
 
     def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """Return upper bounds of |b_us| and |b_uf| after ``time`` [s] in N.
+        """Return upper bounds of |b_us| and |b_uf|, entries of the second compound, after ``time``
+        [s] in N.
 
-        ``b`` is the second compound (b_us, b_uf, b_sf) of the field and a variation at the start.
+        ``b`` holds the entries (b_us, b_uf, b_sf) at the start: the 2 x 2 minors of the field and a
+        variation of the orbit. N is the box about the saddle.
         """
         k_1, k_2 = self.compound
         size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
@@ -402,7 +411,8 @@ class Passage:
         ]
 
     def ratio(self, time: Any) -> Any:
-        """Return an upper bound of |b_uf| / b_us after ``time`` [s] in N.
+        """Return an upper bound of |b_uf| / b_us, a ratio of entries of the second compound, after
+        ``time`` [s] in the box N.
 
         The second compound b starts in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, and stays
         in it.
@@ -420,7 +430,8 @@ def arrivals(
     count: int,
     watch: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
-    """Enclose the arrivals on z_s = -s of all flights, with their derivatives.
+    """Enclose many flights from one saddle to the next: their arrivals on the section z_s = -s,
+    with derivatives.
 
     The flights start on z_u = u about the first saddle. The derivatives are those with respect to
     z_s, z_f and the speed at the start. All inequalities belong to part 1 of the proof of Theorem
@@ -476,7 +487,7 @@ def arrivals(
 
 
 class _Axes:
-    """The source of the axes of sets of states, which follow a fixed rule.
+    """A rule for the axes of sets of states in flights, in place of a search.
 
     The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
@@ -485,13 +496,14 @@ class _Axes:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
 
     def took(self, *_: Any) -> None:
-        """Do not record the step."""
+        """Do nothing: the steps of these flights are not recorded."""
 
 
 def _all(what: str, *verified: NDArray[np.bool_]) -> None:
     """Raise Unproved unless all masks are True for all flights.
 
-    The message contains the number of the first flight that fails, and ``what``.
+    ``verified`` are masks with an entry for each flight. The message contains the number of the
+    first flight that fails, and ``what``.
     """
     flights = np.logical_and.reduce(verified)
     if not flights.all():
@@ -528,7 +540,7 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
 
 
 def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
-    """Enclose the arrivals on z_s = -s in the last step of each flight.
+    """Enclose where and when flights arrive on the section z_s = -s, in the last step of each.
 
     Returns three rows: for the time [s] since the step's start, for z_u and for z_f. Each row has
     the value and its derivatives with respect to z_s, z_f and the speed at the flight's start.

@@ -111,10 +111,10 @@ UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
 def require_positive(what: str, *slacks: Any) -> None:
-    """Raise Unproved unless all numbers of the balls ``slacks`` are positive.
+    """Raise Unproved unless all numbers in the given balls are positive.
 
-    The message is ``what`` with the ball that fails. ``what`` begins with the number of the part
-    of the proof in docs/certified_connection.md.
+    ``slacks`` are the balls. The message is ``what`` with the ball that fails. ``what`` begins with
+    the number of the part of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
         require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
@@ -133,7 +133,8 @@ def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
 
 
 def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
-    """Return three balls; if all are positive, differences of orbits obey the cone conditions.
+    """Return three balls. If all of them are positive, differences of orbits obey the cone
+    conditions.
 
     Let F be the field in the coordinates (u, s, f) along the unstable, slow and fast direction.
     On a convex box about the saddle, ``matrix`` encloses DF and ``by_speed`` the derivative of F
@@ -196,10 +197,10 @@ class _Beyond:
 
 
 class SaddleCoordinates:
-    """The coordinates z about a saddle and the field in them, for exact parameters and a ball of
-    speeds.
+    """The coordinates z about a saddle, z = P^-1 (offset from the saddle), and the field in them.
 
-    Raises Unproved if the matrix of directions has no inverse.
+    The disk's parameters are exact, and the speeds are those of a ball. Raises Unproved if the
+    matrix P of directions has no inverse.
     """
 
     def __init__(
@@ -218,15 +219,19 @@ class SaddleCoordinates:
         self.constants = constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
-        """Return the offset y = P z from the saddle, in (beta_bar, gamma_bar, v)."""
+        """Convert coordinates z about the saddle to the offset y = P z in (beta_bar,
+        gamma_bar, v).
+        """
         return _times(self.directions, z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
-        """Return the coordinates z = P^-1 y of an offset y from the saddle."""
+        """Convert an ``offset`` y from the saddle, in (beta_bar, gamma_bar, v), to coordinates z =
+        P^-1 y.
+        """
         return _times(self.inverse, offset)
 
     def arrived(self, state: Sequence[Any]) -> list[Any]:
-        """Return the coordinates z, about the second saddle, of (beta_bar, gamma_bar, v)."""
+        """Convert a state (beta_bar, gamma_bar, v) to the coordinates z about the second saddle."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
     def law(self, side: int | None) -> Any:
@@ -249,7 +254,11 @@ class SaddleCoordinates:
         return in_z
 
     def rates(self, z: Sequence[Any], side: int | None = None) -> list[Any]:
-        """Return the rates z' = F(z) at balls, or series of balls, z."""
+        """Return the rates z' = F(z) of the coordinates about the saddle, for balls or series of
+        balls z.
+
+        ``side`` is the sign of gamma_y whose analytic law is meant; None is the law itself.
+        """
         return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
 
     @property
@@ -286,7 +295,9 @@ class SaddleCoordinates:
         return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
 
     def sliding_slope(self, z: Sequence[Any], direction: Sequence[Any]) -> Any:
-        """Return the derivative of gamma_y [m/s] along a direction, over a box of z."""
+        """Return the derivative of the sliding velocity gamma_y [m/s] along a direction, over a box
+        of z.
+        """
         with series_length(2):
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
@@ -296,7 +307,8 @@ class SaddleCoordinates:
             return coefficient(moved, 1)
 
     def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the path of all orbits from a box of z about the first saddle.
+        """Return the proved flight (a path, before its first step) of all orbits from a box of z
+        about the first saddle.
 
         ``proposer`` chooses its steps. The path also carries the derivatives with respect to the
         coordinates z at the start and the speed.
@@ -317,7 +329,8 @@ class SaddleCoordinates:
         return path
 
     def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
-        """Return a box of z, about the second saddle, that encloses the states of a set ``frame``.
+        """Return a box of coordinates z about the second saddle that encloses the states of a set
+        ``frame``.
 
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
         the start and the speed, only the states of these deviations are enclosed.
@@ -332,7 +345,9 @@ class SaddleCoordinates:
         ]
 
     def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-        """Return P^-1 times a matrix: its columns, offsets from the saddle, in coordinates z."""
+        """Convert the columns of a matrix, offsets from the saddle, to coordinates z. Return P^-1
+        times the matrix.
+        """
         return [
             list(row) for row in zip(*map(self.coordinates, zip(*matrix, strict=True)), strict=True)
         ]
@@ -361,14 +376,20 @@ class ManifoldGraph:
         require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
     def at(self, theta: Any) -> list[Any]:
-        """Return W(theta), the other two coordinates, at a number, ball or series."""
+        """Return W(theta): the other two coordinates of the curve's point with the coordinate
+        theta.
+
+        theta is a number, a ball or a series.
+        """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
             return [_horner(row, theta) for row in self.graph]
         values = [_horner(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
-        """Return the derivatives W'(theta) of both polynomials at a number, ball or series."""
+        """Return the derivatives W'(theta) of the curve's two polynomials at a number, ball or
+        series.
+        """
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
@@ -376,23 +397,30 @@ class ManifoldGraph:
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
-        """Return z = (theta, W(theta) + w), with the components in the order u, s, f."""
+        """Return the point z = (theta, W(theta) + w) at an offset w from the curve.
+
+        Its components are in the order u, s, f: unstable, slow stable and fast stable direction.
+        """
         z = [theta] * 3
         for other, value, off in zip(self.others, self.at(theta), w, strict=True):
             z[other] = value + off
         return z
 
     def straightened(self, z: Sequence[Any]) -> list[Any]:
-        """Return w, the offset of a point z from the curve in the other two coordinates."""
+        """Return the offset w of a point z from the curve, in the two coordinates other
+        than theta.
+        """
         return [
             z[other] - value
             for other, value in zip(self.others, self.at(z[self.along]), strict=True)
         ]
 
     def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
-        """Return J, the 2 x 2 matrix by which the offset w from the curve moves: w' = D + J w.
+        """Return the 2 x 2 matrix J by which the offset w of an orbit from the curve moves: w' = D
+        + J w.
 
-        ``matrix`` encloses the derivative DF of the field, and ``theta`` is a ball.
+        D is the curve's defect of invariance. ``matrix`` encloses the derivative DF of the field,
+        and ``theta`` is a ball.
         """
         return [
             [matrix[row, column] - slope * matrix[self.along, column] for column in self.others]
@@ -400,7 +428,9 @@ class ManifoldGraph:
         ]
 
     def steepness(self, theta: Any) -> list[Any]:
-        """Return W(theta) / theta over a ball, which may hold 0."""
+        """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
+        that may contain 0.
+        """
         return [_horner(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
@@ -419,7 +449,11 @@ class ManifoldGraph:
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
     def defect(self, theta: Any, order: int) -> list[Any]:
-        """Return D(theta + x), the curve's defect of invariance, as two series in x to x^order."""
+        """Return the curve's defect of invariance D(theta + x), as two power series in x up to
+        x^order.
+
+        D is the amount by which the field at a point of the curve is not tangent to the curve.
+        """
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
             flow = self.saddle.rates(self.point(variable), self.side)
@@ -489,7 +523,8 @@ def leaving(
 
 
 def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
-    """Show that N = {|z_s| <= s, |w_u| <= u, |w_f| <= t} is an isolating block (6.3).
+    """Show that a box about the saddle, N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}, is an isolating
+    block (6.3).
 
     w is the offset from ``curve``, near the slow stable manifold; ``extents`` are s, u, t. Raises
     Unproved with the inequality that fails.
