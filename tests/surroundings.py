@@ -261,6 +261,13 @@ CALLS: dict[str, Callable[[], Any]] = {
 
 #: What takes longer than two seconds, and longer than a fifth of one.
 SLOW = (
+    "BasinBoundary.margin",
+    "Certifier.heteroclinic",
+    "Heteroclinic.orbit",
+    "Heteroclinic.samples",
+    "Taylor.__call__",
+    "cycle_above",
+    "race",
     "Certifier.near_omega_h",
     "Certifier.branch",
     "Certifier.limit_cycle",
@@ -275,12 +282,9 @@ LONG = (
     *SLOW,
     "balanced_cycle",
     "bisect_omega_h",
-    "cycle_above",
     "grade",
     "heteroclinic",
     "limit_cycle",
-    "race",
-    "Taylor.__call__",
     "Disk.basin_boundary",
     "Disk.branch",
     "Disk.folds",
@@ -293,7 +297,6 @@ LONG = (
     "Disk.scene",
     "Disk.speed",
     "Certifier.fold",
-    "Certifier.heteroclinic",
     "Solution.plot",
     "Solution.save",
     "Solution.to_dict",
@@ -313,9 +316,6 @@ LONG = (
     "Branch.plot",
     "Branch.to_dataframe",
     "Branch.to_dict",
-    "Heteroclinic.orbit",
-    "Heteroclinic.samples",
-    "BasinBoundary.margin",
     "BasinBoundary.sheets",
 )
 

@@ -191,6 +191,7 @@ def test_times_are_exact(span) -> None:
 
 
 @pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.slow
 def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
     """Compare with motions to thirty digits, moved by 1e-10: the quotients have some 18 digits."""
     disk, step = tv.Disk("table1", friction=friction), Fraction(1, 10**10)
@@ -256,6 +257,7 @@ def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
     assert (rough.uncertainty < 1e-17).all()
 
 
+@pytest.mark.slow
 def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> None:
     disk, times = tv.Disk("table1"), [0.25, 0.5]
     mine, theirs = (
@@ -366,6 +368,7 @@ def test_results_of_the_linear_law_are_refused_under_the_smooth_one(ask) -> None
         ask()
 
 
+@pytest.mark.slow(minutes=0.5)
 def test_results_without_half_widths_say_so_and_are_those_with_them() -> None:
     disk = tv.Disk("table1")
     for digits in (12, 20):

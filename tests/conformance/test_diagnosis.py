@@ -68,7 +68,10 @@ def test_every_kind_of_mistake_can_be_planted() -> None:
     assert [name for name, kind in KINDS.items() if patched([(kind.old, kind.new)]) is None] == []
 
 
-@pytest.mark.parametrize("listed", LISTED)
+@pytest.mark.parametrize(
+    "listed",
+    [pytest.param(name, marks=[pytest.mark.slow] * (name != "exact")) for name in LISTED],
+)
 def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> None:
     differences, only, sizes = LISTED[listed]
     draws = [names for count, size in sizes for names in drawn(1, count, size)]

@@ -69,6 +69,7 @@ def _folded() -> Branch:
     return Disk("table1", A="0.229e-3").branch()
 
 
+@pytest.mark.slow
 def test_special_points_are_those_of_their_own_methods() -> None:
     branch = _folded()
     disk = Disk("table1", A="0.229e-3")

@@ -16,6 +16,7 @@ DISTANCES = ["1e-9", "1e-11", "1e-13"]
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
+@pytest.mark.slow
 def test_the_laws_remainder_falls_with_its_next_powers(law) -> None:
     """One term leaves the constant, two the power nu - 1, and three twice that power, a hundredth
     short of the next.

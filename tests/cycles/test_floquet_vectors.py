@@ -67,6 +67,7 @@ def test_the_first_points_along_the_motion(kind: str) -> None:
         assert numpy.allclose(flow, rates / numpy.linalg.norm(rates), rtol=0, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_those_of_twelve_digits_hold_those_of_twenty_five() -> None:
     mine, truth = (_cycle(kind).floquet_vectors for kind in ("librating", "wide"))
     for name in ("flow", "slow", "fast"):
@@ -74,6 +75,7 @@ def test_those_of_twelve_digits_hold_those_of_twenty_five() -> None:
             assert number.contains(other)
 
 
+@pytest.mark.slow
 def test_the_flow_carries_them_along() -> None:
     """A vector at one time becomes that at another, up to its length."""
     cycle, time = _cycle("librating"), Fraction(3, 10)

@@ -40,7 +40,11 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("law", "section"), [("smooth", LIBRATING), ("linear", ROTATING)], ids=["smooth", "linear"]
+    ("law", "section"),
+    [
+        pytest.param("smooth", LIBRATING, id="smooth", marks=pytest.mark.slow),
+        pytest.param("linear", ROTATING, id="linear"),
+    ],
 )
 def test_half_widths_hold(taylor, law, section) -> None:
     compare(taylor, PRINTED.changed(friction=law), section, "1e-6")

@@ -56,7 +56,11 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
             assert number.uncertainty <= abs(number.value) / 10**12, (name, omega)
 
 
-@pytest.mark.parametrize("changes", [{"friction": "smooth"}, {"e": "5e-3"}], ids=str)
+@pytest.mark.parametrize(
+    "changes",
+    [pytest.param({"friction": "smooth"}, marks=pytest.mark.slow), {"e": "5e-3"}],
+    ids=str,
+)
 def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     """The family falls to one fold and rises from there. A place on it is a cycle up to the error
     of few nodes.

@@ -82,6 +82,7 @@ def _slow(distance: str) -> object:
 @pytest.mark.parametrize(
     "distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))]
 )
+@pytest.mark.slow
 def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -> None:
     """The law gamma_bar_0^2 = (Omega - Omega_crit) / c_1 and the period's law hold to their next
     order, which is the distance times a few, and the numbers' half-widths.

@@ -62,6 +62,7 @@ def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
 
 
 @pytest.mark.parametrize("friction", LAWS)
+@pytest.mark.slow
 def test_more_nodes_and_wider_arithmetic_miss_less(
     taylor: Taylor, friction: Friction, monkeypatch
 ) -> None:

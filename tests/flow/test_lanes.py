@@ -37,6 +37,7 @@ def starts(count: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
         (9, {"variations": ("beta", "gamma", "v", "Omega")}),
     ],
 )
+@pytest.mark.slow
 def test_lanes_agree_with_single_runs(lanes, taylor, count, wanted) -> None:
     omegas, states, durations = starts(count)
     constants = numpy.array([field_constants(SETS[k % 3]) for k in range(count)])

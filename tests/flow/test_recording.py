@@ -60,6 +60,7 @@ def test_samples_and_dense_output_are_those_of_single_runs(taylor, friction, tim
 
 
 @pytest.mark.parametrize("precision", [DOUBLE, EXTENDED, R], ids=lambda p: p.name)
+@pytest.mark.slow
 def test_samples_before_a_start_on_a_surface_is_left(taylor, precision) -> None:
     times = ("0", "1e-10", "9e-10", "0.1")
     wanted = {"precision": precision, "times": times, "events": (SECTION,), "error_estimate": True}

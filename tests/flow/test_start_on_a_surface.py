@@ -268,6 +268,7 @@ def _away_from_zero(most: float) -> st.SearchStrategy[float]:
     sign=_SIGNS,
     duration=st.sampled_from([0.05, -0.025]),
 )
+@pytest.mark.slow
 def test_events_from_the_surface_are_those_of_scipy(
     which, direction, terminal, gamma, power, beta, sign, duration
 ) -> None:

@@ -472,7 +472,7 @@ KINDS = (
     Kind("proved closed forms", proved_closed_forms, 8, 30, 0.1, flown=False),
     Kind("flow", motion, 8, 250, 0.4),
     Kind("flow, own friction laws", partial(motion, laws=OWN_LAWS), 1, 200, 0.5),
-    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 4, 200, 0.2),
+    Kind("events", partial(motion, events=(_PASSED, _RETURNS)), 2, 200, 0.2),
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),
     Kind(
         "half periods",
@@ -484,13 +484,13 @@ KINDS = (
     Kind("flow at a tolerance", partial(motion, loose=True), 0, 50, 0.1),
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of
     # them do.
-    Kind("solution", solution, 2, 15, 0.1, widest=1000),
+    Kind("solution", solution, 1, 16, 0.1, widest=1000),
     Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 1.2),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
     Kind("limit cycle, own friction law", partial(cycle, law=ARCTAN), 0, 3, 0.3),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),
     Kind("limit cycle in double, smooth", partial(cycle_in_double, law="smooth"), 0, 7, 0.2),
-    Kind("harmonic balance", balanced, 2, 10, 0.15, flown=False),
+    Kind("harmonic balance", balanced, 1, 11, 0.15, flown=False),
     Kind("branch", branch, 1, 3, 0.3),
     Kind("folds", folds, 0, 2, 0.2),
     Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 0, 2, 0.3),
@@ -512,7 +512,7 @@ KINDS = (
     Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 2, 0.25),
     Kind("fold of rotating cycles", rotation_fold, 0, 2, 0.3),
     Kind("rotating, next to Omega_h", below_omega_h, 0, 2, 0.4),
-    Kind("basin boundary", basin_boundary, 1, 2, 0.2, flown=False),
+    Kind("basin boundary", basin_boundary, 0, 3, 0.2, flown=False),
 )
 
 

@@ -166,6 +166,7 @@ def test_an_absolute_value_needs_two_sides() -> None:
         FrictionLaw("tanh", TANH.force, two_sided="yes")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_the_smooth_law_as_a_law_of_ones_own(taylor: Taylor) -> None:
     """A run under it has the paper's law's numbers, to the sum of both half-widths."""
     law = FrictionLaw("own", lambda ops, x, c: -weight(c) * x / (x + c.epsilon), two_sided=True)

@@ -81,6 +81,7 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.slow
 def test_half_widths_hold_the_error_that_a_tolerance_leaves(friction: tv.Friction) -> None:
     disk, start = tv.Disk("table1", friction=friction), ("1.3", "2.2", 6)
     true = disk.integrate("30.4", start, 3, digits=25, events="section")

@@ -166,6 +166,7 @@ def test_a_flight_off_the_cycle_against_shooting(taylor, disk, flight, section, 
 
 
 @FLIGHTS
+@pytest.mark.slow
 def test_differences_of_flights_lie_in_the_enclosed_derivatives(
     disk, flight, section, start
 ) -> None:
