@@ -22,9 +22,9 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
 from tippedisk_verify.bench.own import method_of, question
+from tippedisk_verify.bench.own_race import program_method
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import machine, raced
-from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(

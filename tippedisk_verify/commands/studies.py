@@ -96,10 +96,10 @@ def bench(
     out: str | None,
 ) -> int:
     from tippedisk_verify.bench.methods import METHODS
+    from tippedisk_verify.bench.own_race import race
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS
     from tippedisk_verify.bench.race import machine, ratios
-    from tippedisk_verify.figures.own_race import race
 
     folder = alone_in(out)
     found = race(

@@ -14,9 +14,8 @@ from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.own import TOLERANCES, Solver, method_of, question, scores_of
 from tippedisk_verify.bench.problems import Problem, problem_named
 from tippedisk_verify.bench.race import Score, raced, ratios
-from tippedisk_verify.conformance.dialogue import Program, started
+from tippedisk_verify.dialogue import Program, started
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.files import read_text
 from tippedisk_verify.model.exact import entries, shown
 from tippedisk_verify.model.results import Printable, data_frame
@@ -53,6 +52,8 @@ class Race(Printable):
         Args:
             columns: The number of panels side by side.
         """
+        from tippedisk_verify.figures.race import draw_bench
+
         return draw_bench(self.scores, columns)
 
 
