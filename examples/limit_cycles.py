@@ -10,7 +10,8 @@ import tippedisk_verify as tv
 
 disk = tv.Disk("table1")
 _, (left, right) = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
-disk.limit_cycle("30.4").plot(left).legend()
+disk.limit_cycle("30.4").plot(left)
+left.legend()
 branch = disk.branch()
 right.semilogy(branch.omega, branch.multiplier_slow)
 right.set(xlabel="Ω [rad/s]", ylabel="slow Floquet multiplier")

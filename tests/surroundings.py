@@ -71,8 +71,8 @@ def as_text(result: Any) -> str:
         return result.hex()
     if hasattr(result, "to_dict"):
         return json.dumps(result.to_dict()) + repr(result)
-    if hasattr(result, "lines"):  # axes
-        return as_text([line.get_xydata() for line in result.lines])
+    if hasattr(result, "savefig"):  # a figure
+        return as_text([line.get_xydata() for axes in result.axes for line in axes.lines])
     try:
         number = tv.exact(result)
         return f"{number.rational.numerator:x}/{number.rational.denominator:x} + {number.pi_multiple} pi"

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy
 import pytest
+from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
 from tippedisk_verify.bench.race import Score
@@ -232,17 +233,34 @@ def test_results_under_a_law_of_ones_own_are_not_saved(tmp_path: Path) -> None:
 def test_a_solution_plots_its_states_and_events(tmp_path: Path) -> None:
     solution = DISK.integrate("30.4", START, 1, events="section")
     for drawn in (solution, tv.load(solution.save(tmp_path / "motion.json"))):
-        for row, axis in enumerate(drawn.plot()):
+        figure = drawn.plot()
+        for row, axis in enumerate(figure.axes):
             curve, dots = axis.lines
             ends = solution.y[row, [0, -1]]
             # The curve is the run's continuous output, and the samples are rounded once more.
             assert curve.get_ydata()[[0, -1]] == pytest.approx(ends, abs=1e-12)
             assert list(dots.get_xdata()) == [float(record.time) for record in solution.events]
             assert list(dots.get_ydata()) == [record.state[row] for record in solution.events]
-            pyplot().close(axis.figure)
+        pyplot().close(figure)
     empty = SOLUTIONS["no sample"]().plot()
-    assert not empty[0].lines[0].get_xdata().size
-    pyplot().close(empty[0].figure)
+    assert not empty.axes[0].lines[0].get_xdata().size
+    pyplot().close(empty)
+
+
+def test_every_plot_returns_its_figure() -> None:
+    race = tv.race({}, problems="transient", against="taylor", progress=False)
+    drawn = [
+        DISK.integrate("30.4", START, 1),
+        DISK.limit_cycle("30.4"),
+        DISK.branch(["30.4", "30.5"]),
+        DISK.near_heteroclinic(["1e-2"]),
+        race,
+    ]
+    for result in drawn:
+        figure = result.plot()
+        assert isinstance(figure, Figure)
+        assert any(axes.lines for axes in figure.axes)
+        pyplot().close(figure)
 
 
 @pytest.mark.parametrize("disk", [DISK, tv.Disk("calibrated"), SMOOTH, DISK.changed(e=1 / 400)])

@@ -2,6 +2,8 @@
 
 from tippedisk_verify.audit.claims import Audit as Audit
 from tippedisk_verify.audit.claims import Verdict as Verdict
+from tippedisk_verify.bench.own_race import Race as Race
+from tippedisk_verify.bench.own_race import race as race
 from tippedisk_verify.bench.problems import problem_named as problem_named
 from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
@@ -13,8 +15,6 @@ from tippedisk_verify.cycles.spectral import balanced_cycle as balanced_cycle
 from tippedisk_verify.disk import Disk as Disk
 from tippedisk_verify.errors import AccuracyError as AccuracyError
 from tippedisk_verify.errors import InputError as InputError
-from tippedisk_verify.figures.own_race import Race as Race
-from tippedisk_verify.figures.own_race import race as race
 from tippedisk_verify.flow.baseline import Baseline as Baseline
 from tippedisk_verify.flow.contract import Event as Event
 from tippedisk_verify.flow.contract import Request as Request

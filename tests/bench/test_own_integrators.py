@@ -22,9 +22,9 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
 from tippedisk_verify.bench.own import method_of, question
+from tippedisk_verify.bench.own_race import program_method
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import machine, raced
-from tippedisk_verify.figures.own_race import program_method
 
 TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(
@@ -114,7 +114,7 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
     Path("mine.c").write_text(eval(text_of_problem, {"tv": tv}) + ADVANCE + program)
     subprocess.run(["cc", "-O2", "-o", "mine", "mine.c", "-lm"], check=True)
     Path("elsewhere.csv").write_text(answers)
-    *_, bdf, rk4, race = blocks("python")
+    *_, bdf, rk4, race, _ = blocks("python")
     for code in (bdf, rk4, program):
         written = [line for line in code.splitlines() if re.search(r"\w", line)]
         assert len([line for line in written if "import" not in line]) <= 15
@@ -135,6 +135,23 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
     assert Path("race.png").stat().st_size > 10_000
     (panel,) = names["race"].plot().axes
     assert {"my BDF", "my RK4", "my C", "elsewhere"} <= {line.get_label() for line in panel.lines}
+
+
+def test_the_error_of_the_period_on_the_page(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if importlib.util.find_spec("numba") is None:
+        monkeypatch.setitem(sys.modules, "numba", Plain())
+    monkeypatch.chdir(tmp_path)
+    *_, rk4, _, near = blocks("python")
+    names: dict[str, Any] = {}
+    exec(rk4 + near, names)
+    mine = [score for score in names["race"].scores if score.method == "my RK4"]
+    assert {score.error_of for score in mine} == {"period"}
+    # Steps of tolerance^(1/4) and a method of order 4; the first steps are a fifteenth of a period.
+    assert mine[0].order == pytest.approx(1, abs=0.1)
+    assert Path("period.png").stat().st_size > 10_000
+    assert "error of the period [s]" in names["race"].plot().axes[0].get_ylabel()
 
 
 # ------------------------------------------------------------------------------------ the rest
@@ -250,6 +267,15 @@ def test_tolerances_may_be_numbers_of_any_kind() -> None:
         ({"against": 3}, "method '3' is not known: use bare heyoka"),
         ({"against": [["taylor"]]}, "is not known: use bare heyoka"),
         ({"answers": 3}, "answers are files, not 3"),
+        ({"error": "phase"}, "error is one of state, period, crossing, amplitude, not phase"),
+        ({"error": "period", "answers": "x.csv"}, "files of answers have states only"),
+        (
+            {"error": "period", "problems": "transient"},
+            "transient has no error of period: its motion does not return to beta = pi/2",
+        ),
+        ({"problems": ["cycle", "cycle"]}, "2 problems are called 'cycle': use distinct names"),
+        ({"against": ["taylor"], "solvers": {"taylor": len}}, "2 curves are called 'taylor'"),
+        ({"answers": ["a/x.csv", "b/x.csv"]}, "2 curves are called 'x': use distinct names"),
     ],
 )
 def test_what_cannot_race_is_refused(wrong: dict[str, Any], said: str) -> None:

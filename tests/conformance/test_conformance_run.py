@@ -22,8 +22,8 @@ from typing import Any
 import pytest
 
 from tests.stress.strikes import INTERRUPTED, Struck
+from tippedisk_verify import dialogue
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance import dialogue
 from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import stored
 

@@ -104,7 +104,7 @@ def test_a_branch_restarts_from_each_point_that_it_goes_on_from() -> None:
 
 def test_the_diagram_is_solid_where_stable_and_dashed_where_not() -> None:
     branch = _folded()
-    amplitude, period = branch.plot(Figure().subplots(1, 2))
+    amplitude, period = branch.plot(Figure().subplots(1, 2)).axes
     born, fold, connection = branch.points
     for axis, name in ((amplitude, "beta_max"), (period, "period")):
         unstable, stable = (
@@ -127,8 +127,8 @@ def test_the_diagram_is_solid_where_stable_and_dashed_where_not() -> None:
 def test_a_branch_of_few_cycles_joins_no_distant_point() -> None:
     branch = Disk("table1").branch(["30.5", "30.4", "31"])
     assert branch.stable == (True, True, None)
-    axes = branch.plot(Figure().subplots(1, 2))
-    (line,) = (line for line in axes[1].lines if line.get_label() == "stable cycles")
+    _, period = branch.plot(Figure().subplots(1, 2)).axes
+    (line,) = (line for line in period.lines if line.get_label() == "stable cycles")
     assert sorted(line.get_xdata()) == [30.4, 30.5]
 
 

@@ -59,7 +59,8 @@ def test_the_resolution_of_a_double_and_answers_at_their_own_speeds(taylor) -> N
 
 def test_the_figure_and_bad_input() -> None:
     study = Disk("table1").near_heteroclinic(["1e-3", "1e-20"], answers=[("30.0489", "4.5")])
-    *_, double, answers = study.plot().lines
+    (axes,) = study.plot().axes
+    *_, double, answers = axes.lines
     assert double.get_label() == "effect of half an ulp of Ω in double"
     assert double.get_xdata().tolist() == [1e-3]  # doubles do not resolve 1e-20
     distance = float(study.answers[0].omega - study.rows[0].omega) + 1e-3
@@ -74,6 +75,15 @@ def test_the_figure_and_bad_input() -> None:
     ):
         with pytest.raises(InputError):
             Disk("table1").near_heteroclinic(distances, answers=answers)
+
+
+def test_a_long_study_is_printed_row_by_row() -> None:
+    distances = [f"{n}e-3" for n in range(1, 8)]
+    study = Disk("table1").near_heteroclinic(distances, answers=[("30.05", "3")] * 5)
+    text = str(study)
+    for number, row in enumerate(study.rows, 1):
+        assert f"  rows {number}:\n    distance [rad/s]: {float(row.distance):g}\n" in text
+    assert text.count("period_found 3,") == 5
 
 
 def test_the_command_prints_writes_and_draws_the_study(tmp_path: Path) -> None:

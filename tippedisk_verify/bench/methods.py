@@ -56,7 +56,10 @@ class Method:
 
     def label(self, setting: Any) -> str:
         """Return a setting of the method, such as a tolerance, as text."""
-        return f"{setting:.0e}" if isinstance(setting, float) else str(setting)
+        if not isinstance(setting, float):
+            return str(setting)
+        short = f"{setting:.0e}"
+        return short if float(short) == setting < 1 else f"{setting:g}"
 
 
 def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:

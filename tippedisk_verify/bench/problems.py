@@ -1,12 +1,8 @@
-"""The six initial-value problems of the comparison, with true solutions of known uncertainty.
-
-A true solution is integrated in 60 digits and compared with 80, or in quadruple precision and
-compared with 42 digits. Its inputs are doubles, taken exactly, so no method in doubles is blamed
-for rounding them.
-"""
+"""The six initial-value problems of the comparison."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -14,21 +10,21 @@ from functools import lru_cache, partialmethod
 from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request, Result, raise_unless_usable
+from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.arrays import OnArrays
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["PROBLEMS", "STOPS", "Problem", "Truth", "problem_named", "truth_of"]
+__all__ = ["PROBLEMS", "ErrorKind", "Problem", "problem_named"]
+
+#: What is measured: the state, or on a cycle the period, the crossing of the section or the
+#: amplitude.
+ErrorKind = Literal["state", "period", "crossing", "amplitude"]
 
 _SAMPLES = 20  # per problem
-#: Indices of the samples at which separate runs end. The error of a single end might be near zero.
-STOPS = (5, 12, 19)
 
 
 @dataclass(frozen=True)
@@ -43,6 +39,11 @@ class Problem:
     omega: float  #: [rad/s]
     start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
     duration: float  #: [s]
+    error: ErrorKind = "state"  #: what is measured at ``stops`` (`bench.truth`)
+    #: Indices of the sample times at which separate runs end. The error of a single end might be
+    #: near zero.
+    stops: tuple[int, ...] = (5, 12, 19)
+    spacing: float | None = None  #: [s] of the sample times, counted back from the end
 
     @property
     def friction(self) -> str:
@@ -51,7 +52,14 @@ class Problem:
 
     @property
     def times(self) -> tuple[float, ...]:
-        """The times [s] at which the problem's states are compared, including the end."""
+        """The times [s] at which the problem's states are compared, including the end.
+
+        They are 20 even ones, or one at each ``spacing``.
+        """
+        if self.spacing is not None:
+            # A remainder that is only rounding is not a sample time.
+            count = math.ceil(self.duration / self.spacing - 1e-6)
+            return tuple(self.duration - n * self.spacing for n in reversed(range(count)))
         return (*(self.duration * n / _SAMPLES for n in range(1, _SAMPLES)), self.duration)
 
     @property
@@ -159,14 +167,6 @@ def _function(source: str) -> Callable[[object, Any], Any]:
     return names["rhs"]  # type: ignore[no-any-return]
 
 
-@dataclass(frozen=True)
-class Truth:
-    """The true states of a problem at its sample times."""
-
-    samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
-    uncertainty: float  #: the largest half-width
-
-
 def _with_epsilon(value: str) -> Parameters:
     return PRINTED.changed(epsilon=Fraction(value), name=f"epsilon {value}")
 
@@ -243,33 +243,3 @@ def problem_named(name: str) -> Problem:
         f"problem '{shown(name)}' is not known: use "
         f"{', '.join(problem.name for problem in PROBLEMS)}"
     )
-
-
-@lru_cache(maxsize=16)
-def truth_of(problem: Problem, sharp: bool = True) -> Truth:
-    """Compute the true states of a problem at its sample times, with half-widths.
-
-    Args:
-        problem: The problem.
-        sharp: True for about 55 digits, False for about 28.
-
-    Raises:
-        ArithmeticError: If an integration fails.
-    """
-    working = (bits(200), bits(266)) if sharp else (QUADRUPLE, bits(140))
-    rough, wider = (_samples(problem, precision) for precision in working)
-    held = [
-        [Measured.compared(a, b, working[0].epsilon) for a, b in zip(row, other, strict=True)]
-        for row, other in zip(rough.samples, wider.samples, strict=True)
-    ]
-    return Truth(
-        samples=tuple(tuple(row) for row in held),
-        uncertainty=float(max(cell.uncertainty for row in held for cell in row)),
-    )
-
-
-def _samples(problem: Problem, precision: Precision) -> Result:
-    result = default_engine()(
-        problem.request(precision=precision, times=precision.array(problem.times))
-    )
-    return raise_unless_usable(result)

@@ -5,29 +5,36 @@ The methods run in turns, so that a busy machine slows all of them alike.
 
 from __future__ import annotations
 
+import math
 import os
 import platform
 import statistics
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
+from itertools import dropwhile
+from typing import Any, NamedTuple
 
 from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
-from tippedisk_verify.bench.problems import PROBLEMS, STOPS, Problem, Truth, truth_of
+from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
+from tippedisk_verify.bench.truth import Truth, numbers_of, truth_of
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.provenance import processor, versions
 
-__all__ = ["Score", "machine", "raced", "ratios"]
+__all__ = ["Order", "Score", "fitted_order", "machine", "raced", "ratios"]
 
 _MAX_REPEATS = 5  # at most
 _BRIEF_RUN = 0.03  # s; longer runs are repeated less often
 _LONG_RUN = 0.3  # s; longer runs are not repeated
 _MAX_REASON = 300  # characters of the reason of a failed run
 _ERROR_BOUNDS = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-13)  # of the error, for the ratios
+_ROUNDING = 2.0**-49  # rad, rad/s or s; two ulps of the largest components, between 4 and 8
+_ABOVE_FLOOR = 10  # then the floor changes the logarithm of an error by a tenth at most
+_PLATEAU = 1.5  # less than 2, by which an error of first order falls if the steps are halved
+_MIN_POINTS = 3  # two always lie on a line
 # The group that each family is compared in.
 _GROUPS = {
     "heyoka": "heyoka",
@@ -43,7 +50,12 @@ _GROUPS = {
 class Score(Printable):
     """The result of one integrator at one setting on one problem: its errors and run times.
 
-    Errors are absolute, in rad and rad/s. They are None if the run did not reach the end.
+    Errors are absolute. They are None if the run did not reach the end.
+
+    The order is the exponent p of error ~ cost^-p, or of error ~ setting^p where no cost is counted
+    (with a setting that grows towards smaller errors: setting^-p). It is that of all settings of
+    the method on the problem, by least squares of the logarithms, and None if fewer than three
+    points lie above the reference's uncertainty and rounding (`fitted_order`).
     """
 
     problem: str
@@ -51,8 +63,11 @@ class Score(Printable):
     family: str
     setting: str
     status: str  #: "reached", or the reason why it was not
-    error: float | None  #: largest over the components at the ends of runs of three lengths
-    error_over_samples: float | None  #: largest at the samples, with the method's own interpolation
+    #: largest over the components at the ends of runs of three lengths [rad, rad/s], or the error of
+    #: a cycle's number (``error_of``)
+    error: float | None
+    #: of the states at the samples, with the method's own interpolation: the largest [rad, rad/s]
+    error_over_samples: float | None
     seconds: float | None  #: median of the repeats, warm
     spread: float | None  #: (largest - smallest) / median of the repeats
     #: [s] compiling (or loading from the code cache) and the first run, or the time until it failed
@@ -60,6 +75,20 @@ class Score(Printable):
     steps: int | None
     evaluations: int | None
     truth_uncertainty: float
+    error_of: ErrorKind = "state"  #: `bench.truth` defines the errors and their units
+    order: float | None = None
+    order_error: float | None = None  #: the standard error of the order
+    order_points: int = 0  #: the number of settings that were fitted
+    order_cost: str | None = None  #: "evaluations", "steps" or "setting"
+
+
+class Order(NamedTuple):
+    """The fields of the order in a `Score`."""
+
+    order: float
+    order_error: float
+    order_points: int
+    order_cost: str
 
 
 @dataclass
@@ -111,7 +140,10 @@ def raced(
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
         truth = truth_of(problem, sharp)
-        scores += [_score(entry, truth) for entry in entries]
+        for method in methods:
+            mine = [entry for entry in entries if entry.method is method]
+            settings = [entry.setting for entry in mine]
+            scores += _with_order([_score(entry, truth) for entry in mine], settings)
     return scores
 
 
@@ -151,7 +183,7 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
             entry.preparation = time.perf_counter() - begin
             entry.status = entry.outcome.status
             if entry.status == "reached":
-                for stop in STOPS:
+                for stop in problem.stops:
                     warm, entry.ends[stop] = _timed_run(entry.prepared, problem.times[stop])
                 entry.seconds = [warm]
                 longest = max(longest, warm)
@@ -165,11 +197,21 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
 
 
 def _score(entry: _Entry, truth: Truth) -> Score:
-    reached = entry.status == "reached" and entry.outcome is not None
-    error, over_samples = (
-        _errors(entry.outcome, entry.ends, truth) if reached and entry.outcome else (None, None)
-    )
+    error = over_samples = None
     seconds = statistics.median(entry.seconds) if entry.seconds else None
+    outcome = entry.outcome
+    if entry.status == "reached" and outcome and len(outcome.samples) == len(truth.samples):
+        over_samples = max(
+            abs(float(fraction(value) - true.value))
+            for state, row in zip(outcome.samples, truth.samples, strict=True)
+            for value, true in zip(state, row, strict=True)
+        )
+        try:
+            found = numbers_of(entry.problem, list(entry.ends.values()), truth.precision)
+            pairs = zip(found, truth.numbers, strict=True)
+            error = max(abs(float(number - true.value)) for number, true in pairs)
+        except ArithmeticError as fault:
+            entry.status = f"no error: {fault}"
     return Score(
         problem=entry.problem.name,
         method=entry.method.name,
@@ -183,34 +225,68 @@ def _score(entry: _Entry, truth: Truth) -> Score:
         if entry.seconds and seconds
         else None,
         preparation=entry.preparation,
-        steps=None if entry.outcome is None else entry.outcome.steps,
-        evaluations=None if entry.outcome is None else entry.outcome.evaluations,
+        steps=None if outcome is None else outcome.steps,
+        evaluations=None if outcome is None else outcome.evaluations,
         truth_uncertainty=truth.uncertainty,
+        error_of=entry.problem.error,
     )
 
 
-def _errors(
-    outcome: MethodRun, stopped: dict[int, Any], truth: Truth
-) -> tuple[float | None, float | None]:
-    """Return the largest errors of a run's results at the end and at the sample times.
+def _with_order(scores: list[Score], settings: Sequence[Any]) -> list[Score]:
+    """Return one method's scores on one problem with the order that they show."""
+    if not all(isinstance(setting, float) for setting in settings):
+        return scores  # of precisions and digits there is none
+    pairs = [pair for pair in zip(scores, settings, strict=True) if pair[0].error is not None]
+    found = [score for score, _ in pairs]
+    errors = [score.error or 0.0 for score in found]
+    costs: dict[str, list[float]] = {
+        "evaluations": [score.evaluations or 0 for score in found],
+        "steps": [score.steps or 0 for score in found],
+        "setting": [setting for _, setting in pairs],
+    }
+    # The steps of a method whose own order grows with the tolerance may fall.
+    rising = (name for name, counts in costs.items() if sorted({*counts, 0}) == [0, *counts])
+    cost = next(rising, "setting")
+    floor = max((score.truth_uncertainty for score in found), default=0.0)
+    order = fitted_order(costs[cost], errors, cost, floor)
+    return scores if order is None else [replace(score, **order._asdict()) for score in scores]
 
-    Both are None if samples are missing. The true values are exact, so differences are exact in any
-    precision.
+
+def fitted_order(
+    costs: Sequence[float], errors: Sequence[float], cost: str, uncertainty: float
+) -> Order | None:
+    """Fit the exponent by which errors fall with the cost, or with the setting.
+
+    A point counts if its error is ten times above three floors: the uncertainty of the reference,
+    the rounding of a state in doubles, and the plateau of the method. The plateau begins with the
+    first error below 1.5 times the smallest one, if more follow, and is as high as the largest.
+
+    Args:
+        costs: (n,) the counts or settings, loosest first.
+        errors: (n,) the errors.
+        cost: The name of what is counted; "setting" stands for tolerances, steps or step counts.
+        uncertainty: The uncertainty of the reference.
+
+    Returns:
+        The order, positive if errors fall; None with fewer than three points.
     """
-    if len(outcome.samples) != len(truth.samples):
-        return None, None
+    smallest = min(errors, default=0.0)
+    after = dropwhile(lambda error: error >= _PLATEAU * smallest, errors)
+    _, *rest = plateau = list(after) or [0.0]
+    floor = max(uncertainty, _ROUNDING, max(plateau) if rest else 0.0)
+    points = [
+        (math.log(count), math.log(error))
+        for count, error in zip(costs, errors, strict=True)
+        if error > _ABOVE_FLOOR * floor
+    ]
+    if len({count for count, _ in points}) < _MIN_POINTS:
+        return None
+    import numpy
 
-    def away(states: Iterable[Any], right: Iterable[Any]) -> float:
-        pairs = (
-            pair
-            for row, true in zip(states, right, strict=True)
-            for pair in zip(row, true, strict=True)
-        )
-        return max(abs(float(fraction(value) - true.value)) for value, true in pairs)
-
-    return away(stopped.values(), [truth.samples[stop] for stop in stopped]), away(
-        outcome.samples, truth.samples
-    )
+    x, y = numpy.transpose(points)
+    (slope, _), covariance = numpy.polyfit(x, y, 1, cov=True)
+    falls = -1 if cost != "setting" or x[-1] > x[0] else 1
+    return Order(falls * float(slope), math.sqrt(abs(float(covariance[0, 0]))), len(points), cost)
 
 
 def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:

@@ -242,9 +242,9 @@ def run(
     from_: str | None,
     **grading: Any,
 ) -> int:
-    from tippedisk_verify.conformance.dialogue import started
     from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.conformance.sheet import questions as chosen
+    from tippedisk_verify.dialogue import started
     from tippedisk_verify.reference_values.fresh import with_fresh
     from tippedisk_verify.reference_values.store import stored
 

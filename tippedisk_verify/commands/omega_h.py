@@ -94,7 +94,7 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
     if out is not None and out.suffix.lower() == ".png":
         from tippedisk_verify.figures.style import encoded
 
-        write_bytes(out, encoded(study.plot().figure, "png"))
+        write_bytes(out, encoded(study.plot(), "png"))
     elif out is not None:
         from tippedisk_verify.cycles.distance_study import LAWS
 

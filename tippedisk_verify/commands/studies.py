@@ -84,6 +84,13 @@ def sweep(
     metavar="PROBLEM",
     help="Run only this problem: cycle, transient, passage, smooth, epsilon-1e-3 or epsilon-1e-4.",
 )
+@click.option(
+    "--error",
+    default="state",
+    metavar="state|period|crossing|amplitude",
+    help="Measure the error of this: the state at the end, or, whatever the phase, the period, the "
+    "crossing of beta = pi/2, or the largest beta.",
+)
 @click.option("--program", metavar="COMMAND", help="Race a program that answers over pipes, too.")
 @click.option("--answers", multiple=True, metavar="FILE.csv", help="Show runs made elsewhere, too.")
 @click.option("--out", metavar="DIR", help="Write a figure, CSV and JSON there.")
@@ -91,22 +98,25 @@ def bench(
     output: Output,
     peers: bool,
     only: tuple[str, ...],
+    error: Any,
     program: str | None,
     answers: tuple[str, ...],
     out: str | None,
 ) -> int:
     from tippedisk_verify.bench.methods import METHODS
+    from tippedisk_verify.bench.own_race import race
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS
     from tippedisk_verify.bench.race import machine, ratios
-    from tippedisk_verify.figures.own_race import race
+    from tippedisk_verify.bench.truth import has_error
 
     folder = alone_in(out)
     found = race(
         {} if program is None else {program: program},
-        problems=tuple(dict.fromkeys(only)) or PROBLEMS,
+        problems=tuple(dict.fromkeys(only)) or [one for one in PROBLEMS if has_error(one, error)],
         against=(*METHODS, *(peer_methods() if peers else ())),
         answers=answers,
+        error=error,
         progress=not output.quiet,
     )
     runs = [score.to_dict() for score in found.scores]

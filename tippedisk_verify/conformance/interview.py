@@ -10,9 +10,9 @@ from itertools import groupby
 from statistics import median
 from typing import Any
 
-from tippedisk_verify.conformance.dialogue import Program
 from tippedisk_verify.conformance.grading import Grade, graded
 from tippedisk_verify.conformance.sheet import Answers, Row, answer_line, collected, question_row
+from tippedisk_verify.dialogue import Program
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
 from tippedisk_verify.reference_values.store import Quantity, Store

@@ -227,7 +227,7 @@ class Branch(Printable):
             axes: Two matplotlib axes; None for new ones.
 
         Returns:
-            Both axes: of beta_max and of the period.
+            The matplotlib figure.
 
         Raises:
             AccuracyError: If a fold of the family does not have 12 digits.
@@ -271,7 +271,7 @@ class Branch(Printable):
             axis.margins(y=0.1)
             axis.locator_params(axis="x", nbins=6)
         axes[0].legend(loc="upper right")
-        return axes
+        return axes[0].figure
 
     def to_dataframe(self) -> Any:
         """Return a pandas data frame with a row for each cycle, as `branch --out` writes them.

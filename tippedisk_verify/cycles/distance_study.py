@@ -64,6 +64,8 @@ class NearHeteroclinic(Printable):
     coefficient / slope * D^exponent``.
     """
 
+    _max_list_entries = 60  # of the rows and of the answers
+
     period_law: PeriodLaw  #: the four numbers above
     rows: tuple[DistanceRow, ...]  #: in the order of the distances
     answers: tuple[AnswerRow, ...]  #: in the order of the answers
@@ -92,7 +94,7 @@ class NearHeteroclinic(Printable):
             axes: The matplotlib axes; None for new ones.
 
         Returns:
-            The axes.
+            The matplotlib figure.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -126,7 +128,7 @@ class NearHeteroclinic(Printable):
         )
         axes.grid(lw=0.3)
         axes.legend(fontsize="small")
-        return axes
+        return axes.figure
 
 
 def near_heteroclinic(

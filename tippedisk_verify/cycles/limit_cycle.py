@@ -263,7 +263,7 @@ class Cycle(Printable):
             axes: The matplotlib axes; None for new ones.
 
         Returns:
-            The axes.
+            The matplotlib figure.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -272,7 +272,7 @@ class Cycle(Printable):
         _, (beta_bar, gamma_bar, _) = self.orbit(shifted=True)
         axes.plot(gamma_bar, beta_bar, label=f"Ω = {self.omega:.6g} rad/s")
         axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")
-        return axes
+        return axes.figure
 
 
 @dataclass(frozen=True, repr=False)

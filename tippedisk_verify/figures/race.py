@@ -13,7 +13,7 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.peers import peer_methods
-from tippedisk_verify.bench.problems import problem_named
+from tippedisk_verify.bench.problems import ErrorKind, problem_named
 from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
@@ -49,10 +49,20 @@ _OWN_LOOKS = tuple(
     for line in ("-", ":")
     for n in range(12)
 )
-_UNITS = dict.fromkeys(("error", "error_over_samples", "truth_uncertainty"), "rad or rad/s") | {
+_UNITS = {
+    "error_over_samples": "rad or rad/s",
     "seconds": "s",
     "spread": "1",
     "preparation": "s",
+    "order": "1",
+    "order_error": "1",
+}
+#: The error's name on an axis and its unit.
+_ERRORS: dict[ErrorKind, tuple[str, str]] = {
+    "state": ("error", "rad or rad/s"),
+    "period": ("error of the period", "s"),
+    "crossing": ("error at the section", "rad or rad/s"),
+    "amplitude": ("error of the largest beta", "rad"),
 }
 _MIN_SHOWN_ERROR = 1e-27  # the least error shown; a smaller one is drawn there
 
@@ -92,7 +102,7 @@ def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
         label = "run time, warm [s]" if place + columns >= len(names) else ""  # nothing below it
         axis.set(title=name, xlabel=label)
         if place % columns == 0:
-            axis.set_ylabel("error [rad or rad/s]")
+            axis.set_ylabel("{} [{}]".format(*_ERRORS[scores[0].error_of]))
     marks = [axes[0].plot([], [], label=method, **look)[0] for method, look in looks.items()]
     figure.legend(handles=marks, loc="outside lower center", ncols=2)
     return figure
@@ -189,8 +199,10 @@ def race_csv(scores: Sequence[Score]) -> CSV:
     table.
     """
     rows = [score.to_dict() for score in scores]
+    _, unit = _ERRORS[scores[0].error_of]
+    units = _UNITS | {"error": unit, "truth_uncertainty": unit}
     header = [
-        f"{name.replace('_', ' ')} [{_UNITS[name]}]" if name in _UNITS else name for name in rows[0]
+        f"{name.replace('_', ' ')} [{units[name]}]" if name in units else name for name in rows[0]
     ]
     return header, [list(row.values()) for row in rows]
 

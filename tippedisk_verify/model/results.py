@@ -35,7 +35,6 @@ _MAX_REPR_LINES = 10
 _MAX_REPR_WIDTH = 100  # characters
 _MAX_EXACT_LENGTH = 24  # characters of an exact number
 _MAX_NUMBERS_PER_LINE = 5  # an entry of a list with more numbers has a line for each
-_MAX_LIST_ENTRIES = 4  # a longer list is shown by its first and its last entry
 
 
 class QuantityMeaning(NamedTuple):
@@ -97,6 +96,9 @@ class Printable:
     _first: ClassVar[tuple[str, ...]] = ()
     _omitted: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
+    #: A longer list is printed by its first and its last entry.
+    _max_list_entries: ClassVar[int] = 4
+
     #: True for a class whose methods do not use NumPy, so that it is not loaded for them.
     _without_numpy: ClassVar[bool] = False
 
@@ -128,7 +130,11 @@ class Printable:
         return type(self).__name__ + whose
 
     def __str__(self) -> str:
-        return "\n".join([self._title(), *result_lines(_brief(self.to_dict()), "  ")])
+        return "\n".join([self._title(), *result_lines(self._brief(), "  ")])
+
+    def _brief(self) -> dict[str, Any]:
+        entries = self.to_dict().items()
+        return {name: _brief(entry, self._max_list_entries) for name, entry in entries}
 
     def __repr__(self) -> str:
         lines = str(self).splitlines()
@@ -144,7 +150,7 @@ class Printable:
 
     def _repr_html_(self) -> str:
         """Return the result as an HTML table for notebooks."""
-        cells = ((heading(name), _cell(entry)) for name, entry in _brief(self.to_dict()).items())
+        cells = ((heading(name), _cell(entry)) for name, entry in self._brief().items())
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells
         )
@@ -342,21 +348,21 @@ def _cell(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-def _brief(value: Any) -> Any:
+def _brief(value: Any, longest: int) -> Any:
     """Shorten a result, as data for JSON, for display.
 
-    A long list becomes a text with its length, first and last entry. Each row of a matrix becomes
-    one text. Exact numbers lose their later digits.
+    A list of more than ``longest`` entries becomes a text with its length, first and last entry.
+    Each row of a matrix becomes one text. Exact numbers lose their later digits.
     """
     if _measured(value) and value["uncertainty"] == "0" and len(value["value"]) > _MAX_EXACT_LENGTH:
         return f"{value['value'][:_MAX_EXACT_LENGTH]}…"  # a double has up to 50 digits
     if isinstance(value, dict):
-        return {name: _brief(entry) for name, entry in value.items()}
+        return {name: _brief(entry, longest) for name, entry in value.items()}
     if not isinstance(value, list):
         return value
-    if len(value) > _MAX_LIST_ENTRIES:
-        return f"{len(value)}, from {_cell(_brief(value[0]))} to {_cell(_brief(value[-1]))}"
-    shorter = [_brief(entry) for entry in value]
+    if len(value) > longest:
+        return f"{len(value)}, from {_cell(_brief(value[0], longest))} to {_cell(_brief(value[-1], longest))}"
+    shorter = [_brief(entry, longest) for entry in value]
     if not any(isinstance(entry, list) for entry in shorter):
         return shorter
     return [

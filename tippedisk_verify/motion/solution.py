@@ -186,7 +186,7 @@ class Solution(Printable):
             axes: Three matplotlib axes; None for new ones, one below the other.
 
         Returns:
-            The axes.
+            The matplotlib figure.
         """
         if axes is None:
             from matplotlib import pyplot
@@ -203,7 +203,7 @@ class Solution(Printable):
             axis.plot(moments, [float(event.state[row]) for event in self.events], ".")
             axis.set(ylabel=label)
         axes[-1].set(xlabel="t [s]")
-        return axes
+        return axes[-1].figure
 
     def save(self, path: str | PathLike[str]) -> Path:
         """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.

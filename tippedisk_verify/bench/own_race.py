@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import json
 import shlex
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from tippedisk_verify.bench.methods import METHODS, Method
 from tippedisk_verify.bench.own import TOLERANCES, Solver, method_of, question, scores_of
-from tippedisk_verify.bench.problems import Problem, problem_named
+from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
 from tippedisk_verify.bench.race import Score, raced, ratios
-from tippedisk_verify.conformance.dialogue import Program, started
+from tippedisk_verify.bench.truth import returning
+from tippedisk_verify.dialogue import Program, started
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.figures.race import draw_bench
 from tippedisk_verify.files import read_text
 from tippedisk_verify.model.exact import entries, shown
 from tippedisk_verify.model.results import Printable, data_frame
@@ -39,7 +40,9 @@ class Race(Printable):
 
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
-        return "\n".join([head, *map(_line, self.scores), *map(_comparison, ratios(self.scores))])
+        rows = map(_comparison, ratios(self.scores))
+        orders = dict.fromkeys(map(_order, self.scores))
+        return "\n".join([head, *map(_line, self.scores), *filter(None, orders), *rows])
 
     def to_dataframe(self) -> Any:
         """Return a pandas data frame with a row for each score and the fields of `Score` as columns.
@@ -58,13 +61,24 @@ class Race(Printable):
         Returns:
             The matplotlib figure.
         """
+        from tippedisk_verify.figures.race import draw_bench
+
         return draw_bench(self.scores, columns)
 
 
 def _line(score: Score) -> str:
     time = "" if score.seconds is None else f"{1000 * score.seconds:.4f}"
     error = score.status if score.error is None else f"{score.error:.1e}"
-    return f"{score.problem:<14}{score.method:<26}{score.setting:<12}{time:>10}{error:>10}"
+    return f"{score.problem:<14}{score.method:<26}{score.setting:<12}{time:>10} {error:>9}"
+
+
+def _order(score: Score) -> str:
+    if score.order is None:
+        return ""
+    return (
+        f"{score.problem}, {score.method}: order {score.order:.2f} ± {score.order_error:.2f} by "
+        f"{score.order_cost}, {score.order_points} points"
+    )
 
 
 def race(
@@ -74,6 +88,7 @@ def race(
     tolerances: float | Sequence[float] = TOLERANCES,
     against: str | Sequence[str | Method] = _AGAINST,
     answers: str | Path | Sequence[str | Path] = (),
+    error: ErrorKind = "state",
     progress: bool | None = None,
 ) -> Race:
     """Compare integrators of one's own with the suite's and SciPy's, in speed and error.
@@ -93,6 +108,10 @@ def race(
         against: The methods that run as well; those of the suite by name.
         answers: CSV files of runs made elsewhere, with the columns problem, setting, seconds, and
             error or beta, gamma, v (the state at the end).
+        error: ``"state"`` compares states at the end of runs of three lengths. ``"period"`` [s],
+            ``"crossing"`` (gamma [rad] and v [rad/s] on the section beta = pi/2) and
+            ``"amplitude"`` (largest beta [rad]) compare what a phase error does not change
+            (`bench.truth`). Answers in files have only states.
         progress: False hides the progress bar.
 
     Returns:
@@ -100,8 +119,9 @@ def race(
 
     Raises:
         InputError: If a solver is neither a function nor a command, a tolerance is not a positive
-            number, a problem or method is unknown, a file of answers cannot be read, or a program
-            cannot be started.
+            number, a problem, method or error is unknown, two of them have the same name, the
+            motion has no such error, a file of answers cannot be read, or a program cannot be
+            started.
     """
     if not isinstance(solvers, Mapping):
         raise InputError("solvers are a dictionary, such as {'mine': function}")
@@ -111,9 +131,21 @@ def race(
                 "solvers are functions or commands by name, such as {'mine': function}, "
                 f"not {shown({name: solver})}"
             )
-    chosen = [one if isinstance(one, Problem) else problem_named(one) for one in entries(problems)]
+    if error not in get_args(ErrorKind):
+        raise InputError(f"error is one of {', '.join(get_args(ErrorKind))}, not {shown(error)}")
+    chosen = [
+        returning(one if isinstance(one, Problem) else problem_named(one), error)
+        for one in entries(problems)
+    ]
     methods = [one if isinstance(one, Method) else _known(one) for one in entries(against)]
     files = [_path(file) for file in entries(answers)]
+    if files and error != "state":
+        raise InputError(f"files of answers have states only: leave them out for the {error}")
+    _refuse_equal("problems", [problem.name for problem in chosen])
+    _refuse_equal(
+        "curves",
+        [*solvers, *(method.name for method in methods), *(file.stem for file in files)],
+    )
     elsewhere = [
         score for file in files for score in scores_of(file, read_text(file, _MAX_FILE_BYTES))
     ]
@@ -127,6 +159,13 @@ def race(
         total = sum(method.fits(problem) for method in methods for problem in chosen)
         scores = raced(chosen, methods, running.enter_context(progress_of(total, progress)))
     return Race((*scores, *elsewhere))
+
+
+def _refuse_equal(kind: str, names: Sequence[str]) -> None:
+    """Raise InputError if a name occurs twice."""
+    for name, count in Counter(names).items():
+        if count > 1:
+            raise InputError(f"{count} {kind} are called '{shown(name)}': use distinct names")
 
 
 def _known(name: object) -> Method:
