@@ -151,15 +151,9 @@ class Disk(Parameters):
             InputError: If not exactly one of the four is given, or it cannot be used.
             NoConnectionError: If the disk has no Omega_h.
         """
-        from tippedisk_verify.theory.hopf import speed_below_crit
-
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
         if above_het is None and below_het is None:
-            return (
-                checked_speed(omega)
-                if below_crit is None
-                else speed_below_crit(self, below_crit, digits).value
-            )
+            return self._speed(omega, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:
             raise InputError(
@@ -756,10 +750,10 @@ class Disk(Parameters):
 
     def _speed(self, omega: object, below_crit: object, digits: int) -> Measured:
         """Return a speed, given directly or by its distance below Omega_crit, with its half-width."""
-        from tippedisk_verify.theory.hopf import speed_below_crit
-
         if below_crit is None:
             return Measured(checked_speed(omega), Fraction(0))
+        from tippedisk_verify.theory.hopf import speed_below_crit
+
         return speed_below_crit(self, below_crit, digits)
 
     @staticmethod

@@ -31,7 +31,7 @@ _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
-@undisturbed
+@undisturbed()
 def cycle_above(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:

@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import NEWBORN, shoot, shoot_from_amplitude_law
+from tippedisk_verify.cycles.shooting import NEAR_THE_LAW, NEWBORN, amplitude_law_guess, shoot
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -72,7 +72,9 @@ def cycle_at(
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
-        fixed_point = shoot_from_amplitude_law(ReturnMap(LIBRATING, parameters, speed, engine))
+        return_map, fixed_point = ReturnMap(LIBRATING, parameters, speed, engine), None
+        with suppress(NoSuchCycleError):
+            fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:

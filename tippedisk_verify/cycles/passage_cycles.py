@@ -81,7 +81,7 @@ _GUARD_DIGITS = 4
 _DISTANCE_DIGITS = 18
 
 
-@undisturbed
+@undisturbed()
 def cycle_by_passages(
     section: Section[C],
     parameters: Parameters,
@@ -237,7 +237,7 @@ class PeriodLaw(NamedTuple):
         )
 
 
-@undisturbed
+@undisturbed()
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     """Return the law of the librating cycles' period above Omega_h, from the maps.
 
@@ -294,7 +294,7 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
     )
 
 
-@undisturbed
+@undisturbed()
 def monodromy_by_passages(
     parameters: Parameters, origin: Fraction, distance: Fraction
 ) -> tuple[Any, Any]:

@@ -108,9 +108,10 @@ class Taylor:
         shape = (request.shifted, request.variations, request.divergence, events)
         key = (precision, request.law, request.tolerance, *shape)
         compact = self._compact if self._compact is not None else precision != DOUBLE
-        result: Result = self._integrators.run(
-            key, lambda: CompiledStepper(request, events, self._options, compact), request
-        )
+        with self._integrators.reserved(
+            key, lambda: CompiledStepper(request, events, self._options, compact)
+        ) as stepper:
+            result: Result = stepper.run(request)
         if request.domain == "samples" and _outside(request, result):
             # This is rare. Only now is the event worth compiling, and only it finds the time.
             return self(replace(request, domain="event"))

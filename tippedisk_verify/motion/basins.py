@@ -106,7 +106,7 @@ class Basins(Printable):
         }
 
 
-@undisturbed
+@undisturbed()
 def basins(
     parameters: Parameters,
     omega: object,

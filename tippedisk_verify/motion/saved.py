@@ -78,7 +78,7 @@ def _record_entry(record: EventRecord) -> dict[str, Any]:
     return {"name": record.name} | {name: _entry(getattr(record, name)) for name in _RECORD}
 
 
-@undisturbed
+@undisturbed()
 def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
     """Return a result that ``solution.save(path)`` or ``cycle.save(path)`` has written.
 
