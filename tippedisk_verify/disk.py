@@ -418,7 +418,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.at_speed import cycle_at
+        from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
@@ -427,7 +427,7 @@ class Disk(Parameters):
                     "above_het leads to the cycles next to Omega_h: choose with "
                     "stable at a speed omega"
                 )
-            from tippedisk_verify.cycles.at_distance import cycle_above
+            from tippedisk_verify.cycles.cycle_at_distance import cycle_above
 
             with shown_share("limit cycle", progress):
                 return cycle_above(self, above_het, self._engine(engine), digits=digits)
@@ -486,8 +486,8 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.locator import locator_of
 
         found = locator_of(self, self._engine(engine))
-        if found.lost:
-            raise AccuracyError(found.lost)
+        if found.no_family_reason:
+            raise AccuracyError(found.no_family_reason)
         return libration_folds(self, found.engine, digits=digits, family=found.family)
 
     def rotating_cycle(
@@ -528,8 +528,8 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.at_distance import rotating_below
-        from tippedisk_verify.cycles.at_speed import rotating_cycle
+        from tippedisk_verify.cycles.cycle_at_distance import rotating_below
+        from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 
         one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
@@ -600,7 +600,7 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.folds import rotation_fold
         from tippedisk_verify.cycles.locator import locator_of
 
-        return rotation_fold(locator_of(self, self._engine(engine)).rotations, digits=digits)
+        return rotation_fold(locator_of(self, self._engine(engine)).rotating_family, digits=digits)
 
     def branch(
         self,

@@ -17,8 +17,8 @@ import pytest
 from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
-from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.branch import family
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
@@ -336,7 +336,7 @@ def test_the_whole_of_the_printed_disk(tmp_path) -> None:
         True,
     )
     proved = [read_piece(entry) for entry in said["arcs"]]
-    assert search.chain(proved) == proved
+    assert search.connected_pieces(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
         """Whether a cycle is one of the arcs', or next to the connection."""

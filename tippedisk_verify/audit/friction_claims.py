@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
-from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.flow.contract import Engine

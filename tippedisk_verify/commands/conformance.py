@@ -23,13 +23,13 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
-from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.interrupts import cleaning_up
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
     from tippedisk_verify.conformance.sheet import Answers
     from tippedisk_verify.progress import Advance
-    from tippedisk_verify.reference_values.store import Quantity, Store
+    from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["COMMANDS"]
 
@@ -45,12 +45,12 @@ def _known_reading(reading: str) -> str:
     return reading
 
 
-def _together(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _combined_options(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Combine the decorators of several options into one."""
     return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
 
 
-_question_options = _together(
+_question_options = _combined_options(
     click.option(
         "--set",
         "set_",
@@ -87,7 +87,7 @@ _from_option = click.option(
     metavar="decimals|doubles",
     help="How the answers read their inputs, if the sheet does not say so.",
 )
-_grading_options = _together(
+_grading_options = _combined_options(
     click.option(
         "--html",
         callback=file_for(".html", ".htm"),
@@ -267,7 +267,7 @@ def run(
             if folder is not None and interview.rows:
                 write_text(folder / "answers.jsonl", interview.sheet())
 
-        with undoing(keep), output.progress(len(asked)) as advance:
+        with cleaning_up(keep), output.progress(len(asked)) as advance:
             try:
                 interview.conduct(asked, first, advance)
             finally:
@@ -401,7 +401,7 @@ class _Wanted:
         self,
         output: Output,
         store: Store,
-        asked: Sequence[Quantity],
+        asked: Sequence[ReferenceValue],
         grades: Sequence[Grade],
         answers: Answers,
         source: str,

@@ -273,7 +273,7 @@ def counted(number: int, one: str, many: str) -> str:
     return f"{number} {one if number == 1 else many}"
 
 
-def shade(verdict: str) -> str:
+def colour_of(verdict: str) -> str:
     """Return the name of a verdict's colour; "" if nothing was graded.
 
     Args:
@@ -331,7 +331,7 @@ def print_report(report: Report, console: Console) -> None:
     from rich.text import Text
 
     def coloured(text: str, verdict: str) -> Text:
-        return Text(text, style=_TERMINAL[shade(verdict)])
+        return Text(text, style=_TERMINAL[colour_of(verdict)])
 
     def row(tally: Tally, *about: str) -> list[Any]:
         least = coloured(shown_least(tally), tally.verdict)
@@ -431,7 +431,7 @@ def html_page(report: Report) -> str:
         report=report,
         levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,
-        shade=shade,
+        colour_of=colour_of,
         legend=_LEGEND,
         split=split_where_wrong,
         needs=FAILS_BELOW,

@@ -29,7 +29,7 @@ from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
 from tippedisk_verify.reference_values.store import (
-    Quantity,
+    ReferenceValue,
     Store,
     definition_of,
     is_optional,
@@ -63,7 +63,7 @@ _DECLARED = re.compile(
     r"sep=([^\"\s]|\t)", re.IGNORECASE
 )  # the first line with which a spreadsheet declares its separator
 _JSON_NAMES = ("format", "from", "questions", "answers")
-_MAX_STRANGE = 20  # names that are listed
+_MAX_LISTED_NAMES = 20  # names that are listed
 
 
 @dataclass
@@ -91,7 +91,7 @@ def questions(
     sets: Sequence[str] = (),
     frictions: Sequence[str] = (),
     levels: Sequence[int] = (),
-) -> list[Quantity]:
+) -> list[ReferenceValue]:
     """Return the questions of some sets, laws and levels, in order of difficulty.
 
     Optional questions follow M of the same state. They have no true values here; look these up in
@@ -130,7 +130,7 @@ def questions(
     return [one for quantity in chosen for one in (quantity, *_optional_ones(quantity))]
 
 
-def _optional_ones(quantity: Quantity) -> list[Quantity]:
+def _optional_ones(quantity: ReferenceValue) -> list[ReferenceValue]:
     """Return the optional questions that follow M of a state, without answers; [] for others."""
     blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
     names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
@@ -140,7 +140,7 @@ def _optional_ones(quantity: Quantity) -> list[Quantity]:
     ]
 
 
-def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
+def question_row(store: Store, quantity: ReferenceValue) -> dict[str, str]:
     """Return a question as texts by column, without the columns that do not apply.
 
     Args:
@@ -150,7 +150,7 @@ def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
     return question_fields(store.parameters[quantity.set], quantity)
 
 
-def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
+def sheet_csv(store: Store, asked: Iterable[ReferenceValue]) -> str:
     """Return the sheet as CSV. Where only decimals make sense, the column ``from`` is filled in.
 
     Args:
@@ -161,7 +161,7 @@ def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
     return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
 
 
-def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
+def sheet_json(store: Store, asked: Iterable[ReferenceValue]) -> str:
     """Return the sheet as JSON, one question to a line.
 
     Args:
@@ -362,7 +362,7 @@ def _separator(header: str) -> str:
 def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
         said = "" if not name or name in known else _with_likely(name, known)
-        if said and said not in answers.strange and len(answers.strange) < _MAX_STRANGE:
+        if said and said not in answers.strange and len(answers.strange) < _MAX_LISTED_NAMES:
             answers.strange.append(said)
 
 
@@ -381,7 +381,8 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
 def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
     """Return names in a sheet as text for a message, as many as fit; "none" without a name."""
     return (
-        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
+        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_LISTED_NAMES])[:400]
+        or "none"
     )
 
 
@@ -457,7 +458,7 @@ def _without_missing(answers: Answers) -> Answers:
     return answers
 
 
-def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
+def _altered(columns: dict[str, str], store: Store, quantity: ReferenceValue) -> str | None:
     """Return the name of the first column that differs from the question; None if none does.
 
     A number may be written in another way, such as with a decimal comma.

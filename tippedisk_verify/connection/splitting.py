@@ -121,8 +121,8 @@ class SplittingFunction:
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
-        self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
-        self.end = _short(
+        self.start = _rounded_to_three_digits(float(saddle.reach(saddle.unstable_curve)) * share)
+        self.end = _rounded_to_three_digits(
             float(
                 saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)
             )
@@ -348,7 +348,7 @@ def _root(
     Returns:
         The splitting function of the last stage, its zero [rad/s], and its slope there.
     """
-    omega = _cut(guess, stages[0])
+    omega = _rounded_speed(guess, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None
     for precision in stages:
@@ -421,7 +421,7 @@ def _newton(
             )
         change = -value / slope.value
         previous = omega, value
-        omega = _cut(omega + change, splitting_at.precision)
+        omega = _rounded_speed(omega + change, splitting_at.precision)
         if abs(change) * max(_MAX_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
     raise AccuracyError(
@@ -429,14 +429,14 @@ def _newton(
     )
 
 
-def _short(value: float) -> Fraction:
+def _rounded_to_three_digits(value: float) -> Fraction:
     """Round to three significant digits, so that the value is exact, and the same, in every
     arithmetic.
     """
     return Fraction(f"{value:.2e}")
 
 
-def _cut(omega: Fraction, precision: Precision) -> Fraction:
+def _rounded_speed(omega: Fraction, precision: Precision) -> Fraction:
     """Round to a few bits more than the arithmetic has, so that the fraction does not grow."""
     scale = 1 << (precision.bits + 8)
     return Fraction(round(omega * scale), scale)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import numpy
 
 from tippedisk_verify.cycles.section import VARIATIONS, Section
-from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
@@ -100,7 +100,7 @@ def shoot_batch(
 
     Args:
         section: The section.
-        constants: The constants (6,) or (n, 6), see `flow.lanes.field_constants`.
+        constants: The constants (6,) or (n, 6), see `flow.batch.field_constants`.
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
         lanes: The engine of the flights.

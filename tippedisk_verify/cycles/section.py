@@ -26,10 +26,10 @@ from tippedisk_verify.flow.contract import SECTION, TURN, Event, Variation
 __all__ = [
     "BOTTOM",
     "EXTREME",
+    "GAMMA_TURN",
     "LIBRATING",
     "RETURNS",
     "ROTATING",
-    "ROUND",
     "VARIATIONS",
     "Measure",
     "Section",
@@ -42,9 +42,11 @@ _MIN_MULTIPLIER = 2.0**-1022  # the least normal double
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
 RETURNS = Event("returns", SECTION.function, direction=-1)
 #: gamma = pi/2 modulo 2 pi, passed upward.
-ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1)
+GAMMA_TURN = Event(
+    "round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1
+)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
-BOTTOM = Event("bottom", ROUND.function, direction=1, terminal=False)
+BOTTOM = Event("bottom", GAMMA_TURN.function, direction=1, terminal=False)
 #: beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
 #: The variables with respect to which flights are differentiated. beta is among them: with four
@@ -224,7 +226,7 @@ ROTATING = Section(
     name="rotating",
     result=RotatingCycle,
     passed=1,
-    ends=ROUND,
+    ends=GAMMA_TURN,
     turns=1,
     image=1,
     per_period=1,

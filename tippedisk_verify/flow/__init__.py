@@ -1,6 +1,6 @@
 """Integration of states: one `contract`, the Taylor engine and SciPy's integrators.
 
-`taylor` runs one motion at a time, `lanes` many at once, and `baseline` wraps SciPy.
+`taylor` runs one motion at a time, `batch` many at once, and `baseline` wraps SciPy.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from threading import local
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tippedisk_verify.flow.batch import BatchTaylor
     from tippedisk_verify.flow.contract import Engine
-    from tippedisk_verify.flow.lanes import BatchTaylor
 
 __all__ = ["default_engine", "default_lanes"]
 
@@ -33,7 +33,7 @@ def default_engine() -> Engine:
 def default_lanes() -> BatchTaylor:
     """Return the thread's engine for many runs at once, which is kept as well."""
     if not hasattr(_THREAD_ENGINES, "lanes"):
-        from tippedisk_verify.flow.lanes import BatchTaylor
+        from tippedisk_verify.flow.batch import BatchTaylor
 
         _THREAD_ENGINES.lanes = BatchTaylor()
     return _THREAD_ENGINES.lanes  # type: ignore[no-any-return]

@@ -355,7 +355,7 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, if the method counts them
     built: tuple[Build, ...] = ()  #: the compiled integrators used
-    series: Any = None  #: the steps' polynomials (`flow.integrator.Series`), if they are needed
+    series: Any = None  #: the steps' polynomials (`flow.stepper.Series`), if they are needed
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 

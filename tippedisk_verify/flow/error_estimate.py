@@ -3,7 +3,7 @@
 Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
 defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the
 remaining error. Both are derived in docs/error_of_a_run.md. Where an error is too large for this
-method, or decides whether an event is met, runs in wider arithmetic decide (`flow.comparison`).
+method, or decides whether an event is met, runs in wider arithmetic decide (`flow.wider_run`).
 """
 
 from __future__ import annotations
@@ -233,7 +233,10 @@ class _Run:
         if not self._resolved(method.fewer):
             raise Unresolved
         #: The uncertainty of the errors, in carried roundings.
-        self._share = _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
+        self._share = (
+            _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits)
+            + self._corrected_to_second_order()
+        )
         if method.fewer:
             self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
         else:
@@ -250,7 +253,7 @@ class _Run:
             and defect.last_term < _LIMITS.last_term
         )
 
-    def _swept(self) -> float:
+    def _corrected_to_second_order(self) -> float:
         """Correct the errors to second order.
 
         Returns:

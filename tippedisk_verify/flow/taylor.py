@@ -17,12 +17,12 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.comparison import compared
-from tippedisk_verify.flow.compiled import CompiledRunners
+from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
-from tippedisk_verify.flow.integrator import CompiledStepper
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
+from tippedisk_verify.flow.stepper import CompiledStepper
+from tippedisk_verify.flow.wider_run import compared
 from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 

@@ -13,9 +13,9 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from tippedisk_verify.cycles.at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import ROTATING, ROUND
+from tippedisk_verify.cycles.section import GAMMA_TURN, ROTATING
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.equations import checked_speed
@@ -36,7 +36,7 @@ _ROOT_FACTOR = 4
 _SEARCH_RADIUS = 1e-6  # rad about a root, in which the root after another number of turns lies
 _INFINITE_DISTANCE = math.pi  # rad; stands for an infinite distance from the sheet
 _ROUNDINGS = Fraction(1, 10**14)  # rad; the effect of the last bits of the start and of pi
-_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
+_GAMMA_TOP = Event("top", GAMMA_TURN.function, direction=-1, terminal=False)
 _BETA_SECTION = Event("upright", SECTION.function)
 
 

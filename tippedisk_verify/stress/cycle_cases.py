@@ -8,11 +8,11 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.cycles.whole_flight_cycles import cycle_near
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
@@ -22,7 +22,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["CASES"]
 
-_MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
+_MAIN_NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max")
 _EXPONENTS = ("log_multiplier_slow", "log_multiplier_fast")
 
 
@@ -37,7 +37,7 @@ def _near_hopf(distance: str) -> Callable[[], Found]:
         mine, sharp = (
             limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
         )
-        return cycle_digits(mine, sharp, _MAIN)
+        return cycle_digits(mine, sharp, _MAIN_NUMBERS)
 
     return run
 
@@ -100,7 +100,7 @@ def _underflow() -> Found:
         limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
         for digits in (12, 30)
     )
-    answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
+    answer = cycle_digits(mine, sharp, (*_MAIN_NUMBERS, *_EXPONENTS))
     exponent = float(mine.log_multiplier_fast) / 2.302585092994046
     return Found(
         answer.outcome,

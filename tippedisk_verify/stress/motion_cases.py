@@ -46,12 +46,12 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
     return lambda: PRINTED.changed(**values)
 
 
-def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
+def _deferred(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
     """Return an action that makes the parameters only when it runs, so their refusal is an outcome."""
     return lambda: _run(duration, make(), **more)()
 
 
-def _thin(share: str) -> Callable[[], Parameters]:
+def _thin_ring(share: str) -> Callable[[], Parameters]:
     """Return a function that makes a disk with e = r (1 - share), with inertias of a possible body."""
 
     def make() -> Parameters:
@@ -76,7 +76,7 @@ def _friction_cases() -> list[StressCase]:
     ):
         sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
         for friction in ("linear", "smooth"):
-            run = _later(
+            run = _deferred(
                 duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp
             )
             cases.append(
@@ -89,7 +89,7 @@ def _friction_cases() -> list[StressCase]:
                 )
             )
     for text in ("1e-6", "10"):
-        run = _later("0.5", _parameters(mu=text), domain="none")
+        run = _deferred("0.5", _parameters(mu=text), domain="none")
         cases.append(StressCase(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
     return cases
 
@@ -99,7 +99,7 @@ def _shape_cases() -> list[StressCase]:
     sets: tuple[tuple[str, str, Callable[[], Parameters]], ...] = (
         ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
         ("e 1e-15 m", "an eccentricity that rounding loses in r + e", _parameters(e="1e-15")),
-        ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
+        ("e near r", "e = r (1 - 1e-6)", _thin_ring("1e-6")),
         (
             "A next to Bbar",
             "A = Bbar (1 + 1e-12)",
@@ -107,7 +107,7 @@ def _shape_cases() -> list[StressCase]:
         ),
     )
     return [
-        StressCase(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets
+        StressCase(name, says, _deferred("1", make, domain="none"), 10) for name, says, make in sets
     ]
 
 

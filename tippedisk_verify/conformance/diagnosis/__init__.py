@@ -41,7 +41,7 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     problems,
 )
 from tippedisk_verify.conformance.diagnosis.regression import (
-    Problem,
+    RegressionProblem,
     Search,
     likelihood,
     with_changes,
@@ -62,13 +62,18 @@ _EXACT = 1e-15  # relative error up to which no digit is lost
 # The factor on the allowed error of a program on the slow manifold. It differentiates five times,
 # and the right equations alone use up half of the allowed error.
 _SAFETY = 10.0
-_ALIKE = 12  # changes with the same effect on one quantity that are tried on the other quantities
-_SAME = 1e-9  # relative difference of values that are equal but for rounding
-_MANY = 3  # the least number of quantities that are called "all answers"
+_MAX_EQUIVALENT_CHANGES = (
+    12  # changes with the same effect on one quantity that are tried on the other quantities
+)
+_ROUNDING_TOLERANCE = 1e-9  # relative difference of values that are equal but for rounding
+_MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
-_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds explained completely, or not at all
-Posed = Sequence[tuple[Table, Problem]]
+_ALL_OR_NOTHING_KINDS = (
+    "equilibrium",
+    "slow-manifold",
+)  #: kinds explained completely, or not at all
+Posed = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
 Made = dict[Change, frozenset[str]]
 #: The changes under one friction law, and all changes from which they were taken
@@ -187,7 +192,7 @@ class _Sheet:
         with self.together(tables, whole=True):
             self.relations(tables)
         for later in (False, True):
-            held = [table.left & (table.later != later) for table in tables]
+            held = [table.left & (table.explained_last != later) for table in tables]
             for table, mask in zip(tables, held, strict=True):
                 table.left[mask] = False
             self.explained(tables)
@@ -247,12 +252,14 @@ class _Sheet:
         Args:
             tables: The tables that the body may explain.
             whole: True if all their answers belong together; False if only those to the kinds in
-                ``_TOGETHER`` do.
+                ``_ALL_OR_NOTHING_KINDS`` do.
         """
         changes, causes = dict(self.changes), list(self.causes)
         before = [table.left.copy() for table in tables]
         yield
-        if any(table.left.any() for table in tables if whole or table.kind in _TOGETHER):
+        if any(
+            table.left.any() for table in tables if whole or table.kind in _ALL_OR_NOTHING_KINDS
+        ):
             self.changes, self.causes = changes, causes
             for table, left in zip(tables, before, strict=True):
                 table.left[:] = left
@@ -278,7 +285,7 @@ class _Sheet:
             inputs: Values by name, each in place of the definition of that name.
         """
         values = Values(SMOOTH if law == "smooth" else LINEAR, {})
-        return with_changes(values.holding(**(inputs or {})), some)
+        return with_changes(values.with_inputs(**(inputs or {})), some)
 
     @np.errstate(all="ignore")
     def predicted(
@@ -296,7 +303,7 @@ class _Sheet:
                 formulas.
         """
         values = base_of(self.program(table.friction, some).definitions, table)
-        return table.picked((function or PREDICTED[table.kind][0])(values))
+        return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
     def consequences(self, tables: Sequence[Table]) -> None:
         """Mark the answers in tables as explained that a program with the known changes gives."""
@@ -319,8 +326,8 @@ class _Sheet:
         for function in PREDICTED[table.kind]:
             predicted = self.predicted(table, some, function)
             fits = table.fitted(predicted, room)
-            for stem in np.unique(table.stems[table.left]):
-                mine = table.left & (table.stems == stem)
+            for stem in np.unique(table.quantity_names[table.left]):
+                mine = table.left & (table.quantity_names == stem)
                 table.left[mine] = not fits[mine].all()
 
     # ---- changes of the equations
@@ -342,7 +349,7 @@ class _Sheet:
                     posed = self.posed(tables)
         self.consequences(tables)
 
-    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, Problem]]:
+    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, RegressionProblem]]:
         """Return the quantities of tables that can be searched, as pairs of a table and a problem.
 
         A problem uses the known changes of the table's friction law, except at level 1, where it
@@ -356,7 +363,7 @@ class _Sheet:
                 found += [(table, one) for one in problems(table, base_of(definitions, table))]
         return found
 
-    def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
+    def adopted(self, table: Table, problem: RegressionProblem, posed: Posed) -> bool:
         """Find the fewest changes that give the answers to a quantity, and keep them as known.
 
         Known changes are tried first. Changes found for a derivative are kept as a cause only.
@@ -410,11 +417,11 @@ class _Sheet:
         for table, problem in posed:
             program = self.program(law, some, problem.given)
             if table.friction in ("both", law) and problem.fits(program):
-                names |= program.behind(problem.definition)
+                names |= program.inputs_of(problem.definition)
         return names
 
     @np.errstate(all="ignore")
-    def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
+    def alternatives(self, law: str, problem: RegressionProblem, posed: Posed) -> list[Reading]:
         """Return other choices of the known changes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
@@ -434,19 +441,21 @@ class _Sheet:
         effects = [self.program(law, own, problem.given)[problem.definition]]
         found = []
         for change in own if posed else ():
-            for other in change.others[:_ALIKE]:
+            for other in change.others[:_MAX_EQUIVALENT_CHANGES]:
                 rest = tuple(one for one in (change, *change.others) if one != other)
                 new = {change: replace(other, others=rest)}
                 changes = {new.get(one, one): laws for one, laws in self.changes.items()}
                 some = _of_law(changes, law)
                 effect = self.program(law, some, problem.given)[problem.definition]
-                known = any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects)
+                known = any(
+                    np.allclose(effect, one, rtol=_ROUNDING_TOLERANCE, atol=0) for one in effects
+                )
                 if not known and all(self.fits(changes, *pair) for pair in explained):
                     effects.append(effect)
                     found.append((some, changes))
         return found
 
-    def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
+    def fits(self, changes: Made, table: Table, problem: RegressionProblem) -> bool:
         """Return True if the program with some changes gives the answers to a quantity.
 
         Args:
@@ -469,8 +478,8 @@ class _Sheet:
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
             law = f" ({table.friction} law)" if table.friction != "both" else ""
-            for stem in np.unique(table.stems[table.left]):
-                mine = table.stems == stem
+            for stem in np.unique(table.quantity_names[table.left]):
+                mine = table.quantity_names == stem
                 middle, share = float(np.median(size[mine])), table.left[mine].mean()
                 loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
                 if loses and share > _LOST_SHARE:
@@ -511,7 +520,9 @@ class _Sheet:
             }
             for relation in related(table, truths, variants):
                 groups.setdefault(relation.says, []).append(relation)
-        total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
+        total = {
+            (table.friction, stem) for table in tables for stem in np.unique(table.quantity_names)
+        }
         for group in sorted(
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
         ):
@@ -520,7 +531,7 @@ class _Sheet:
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
             names = {(one.table.friction, one.stem) for one in new}
-            self.causes.append(("relation", _said(says, names, total)))
+            self.causes.append(("relation", _relation_sentence(says, names, total)))
             for one in new:
                 one.table.left[one.answers] = False
 
@@ -546,7 +557,7 @@ def _left(tables: Iterable[Table]) -> int:
     return sum(int(table.left.sum()) for table in tables)
 
 
-def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
+def _relation_sentence(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
     """Return the sentence about a relation with the names of its quantities put in.
 
     Args:
@@ -555,7 +566,7 @@ def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -
         total: All quantities of the level, in the same form.
     """
     names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
-    whole = stems == total and len(stems) >= _MANY
+    whole = stems == total and len(stems) >= _MIN_ALL_ANSWERS
     text = (
         "all answers"
         if whole

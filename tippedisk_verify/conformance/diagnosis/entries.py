@@ -14,13 +14,13 @@ from tippedisk_verify.conformance.grading import Grade, as_decimal, scale_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
-_CLOSER = 10.0
+_PREDICTION_FACTOR = 10.0
 #: How the names of quantities begin that are explained last: derivatives of v', and residuals
 LATER = ("dv_rate", "residual")
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
@@ -49,7 +49,7 @@ class Answered:
         allowed = self.allowed if allowed is None else allowed
         larger = np.abs(predicted) / np.maximum(np.abs(self.truth), allowed)
         away = np.abs(self.answer - predicted)
-        closer = away * _CLOSER <= np.abs(self.answer - self.truth)
+        closer = away * _PREDICTION_FACTOR <= np.abs(self.answer - self.truth)
         close = away <= allowed * np.maximum(1.0, larger)
         return np.asarray(close & (~self.left | closer))
 
@@ -73,7 +73,7 @@ class Table(Answered):
     scale: Array  #: the size relative to which digits are counted
 
     @cached_property
-    def stems(self) -> Array:
+    def quantity_names(self) -> Array:
         """The quantity of each answer, without the place: beta for ``beta@0.5``."""
         return np.array([placed(name, self.kind)[0] for name in self.names])
 
@@ -83,7 +83,7 @@ class Table(Answered):
         return [placed(name, self.kind)[1] for name in self.names]
 
     @cached_property
-    def later(self) -> Array:
+    def explained_last(self) -> Array:
         """The mask of the answers to quantities that are explained after the others."""
         return np.array([name.startswith(LATER) for name in self.names])
 
@@ -93,7 +93,7 @@ class Table(Answered):
             f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)
         ]
 
-    def picked(self, results: Mapping[str, Any]) -> Array:
+    def matched_values(self, results: Mapping[str, Any]) -> Array:
         """Return the computed value for each answer of this table; NaN where there is none.
 
         Args:
@@ -132,7 +132,7 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
         grades: The grades of the sheet.
         store: The questions with their inputs.
     """
-    groups: dict[tuple[str, str], list[tuple[Quantity, Grade]]] = {}
+    groups: dict[tuple[str, str], list[tuple[ReferenceValue, Grade]]] = {}
     for grade in grades:
         if grade.verdict not in _NO_NUMBER and abs(as_decimal(grade.answer)) < Decimal("1e300"):
             quantity = store[grade.id]
@@ -140,7 +140,7 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
     return [_table(some, store) for some in groups.values()]
 
 
-def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
+def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
     first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
     entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
     inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]

@@ -237,7 +237,7 @@ class StepReplay:
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]
 
-    def took(self, step: Step, axes: Any) -> None:
+    def step_taken(self, step: Step, axes: Any) -> None:
         self._open = False
 
     def _place(self) -> str:

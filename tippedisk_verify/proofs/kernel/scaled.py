@@ -195,7 +195,7 @@ class ScaledCurve(Curve):
         trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
         return trace
 
-    def rise(self, beta_bar: Any, slope: Jet) -> Jet:
+    def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
         rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
         return rise

@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
-from tippedisk_verify.proofs.kernel.balls import alike, arb, inside, negative, positive
+from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
@@ -67,7 +67,7 @@ class PoincareSection(NamedTuple):
 
     def start(self, first: Any, v: Any) -> list[Any]:
         """Return the state (beta_bar, gamma_bar, v) with these two coordinates on the section."""
-        state = [alike(v, 0), alike(v, 0), v]
+        state = [converted_like(v, 0), converted_like(v, 0), v]
         state[self.first] = first
         return state
 
@@ -122,7 +122,7 @@ def return_map(
     """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
-    if section == HALF and not negative(alike(path.time, box[1])):
+    if section == HALF and not negative(converted_like(path.time, box[1])):
         return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
@@ -208,7 +208,7 @@ class PoincareMap:
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
-        upright = inside(beta, alike(beta, arb(0, BELOW_HALF_PI)))
+        upright = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
         if self.section == TURN:
             ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
             if negative(ahead):
@@ -278,7 +278,7 @@ class PoincareMap:
         if path.sharp:
             state = list(path.box)
             if sign < 0:  # that is where the section lies
-                state[section.zero] = alike(state[2], 0)
+                state[section.zero] = converted_like(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
             # On the section the time changes with the start, dt = -d(component) / its rate, and the
             # other components change with it.

@@ -52,9 +52,9 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
-    alike,
     arb,
     ball_constants,
+    converted_like,
     negative,
     positive,
     upper,
@@ -131,7 +131,9 @@ class SmoothModel(Model):
 
     def velocity(self, state: Sequence[Any], order: int) -> list[Any]:
         """Return Taylor coefficients 0 to ``order`` of gamma_y along orbits of this law."""
-        integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
+        integral = self._with_path.coefficients([*state, converted_like(state[0], 0)], order + 1)[
+            -1
+        ]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
     def path(

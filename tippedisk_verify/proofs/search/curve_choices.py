@@ -114,7 +114,7 @@ class StepSearch:
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
-    def took(self, step: Step, axes: Matrix | None) -> None:
+    def step_taken(self, step: Step, axes: Matrix | None) -> None:
         """Do nothing: `step` has recorded the step."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
@@ -138,7 +138,7 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
 
 
-def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
+def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
     """Approximate the image (gamma_bar, v) of the curve itself, and its time of flight, by
     midpoints.
     """
@@ -210,7 +210,7 @@ def family_polynomials(
                 polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
         curve = kind(first, v, speed, [zero] * 3, half)
-        image, half = glide(constants, curve)
+        image, half = approximate_flight(constants, curve)
         value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
         for row, index in zip(chord, UNKNOWNS, strict=True):
             polynomials[index][k] = (
@@ -248,7 +248,9 @@ def _slope(
     first, v, speed = (
         Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
     )
-    image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
+    image, _ = approximate_flight(
+        constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1))
+    )
     return [
         (part.c[1] / _DIFFERENCE_SHARE).mid() - own[moving]
         for part, own in zip(image, kind.unit, strict=True)

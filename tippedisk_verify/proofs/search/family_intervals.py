@@ -33,7 +33,7 @@ __all__ = [
     "HOPF_END",
     "Interval",
     "Known",
-    "chain",
+    "connected_pieces",
     "guess_at",
     "hopf_guess",
     "open_intervals",
@@ -48,7 +48,7 @@ _LONGEST, _SHARE = (
 )  # length of an interval [rad], and relative to the distance of pi from its beginning
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
-_HOPELESS = (ArcStatus.RISING, ArcStatus.UNSTABLE)
+_FINAL_FAILURES = (ArcStatus.RISING, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
 _INTERVAL_LENGTHS = (
     "0.008",
@@ -106,7 +106,7 @@ def prove_family(
     stopped = prove_intervals(
         parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep
     )
-    if chain(pieces):
+    if connected_pieces(pieces):
         stage("the connection")
         speeds: list[Fraction] | None = None
         if (near_omega_h := connected_at(_CONNECTION_DIGITS + 5)) is not None:
@@ -123,7 +123,7 @@ def prove_family(
             stage("arcs")
             with pool(len(left) > 1) as executor:
                 stopped = prove_intervals(parameters, left, known, executor, keep)
-    one_curve = chain(pieces)
+    one_curve = connected_pieces(pieces)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
     return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
@@ -186,7 +186,7 @@ class Interval:
 
 def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
     """Return the unproved intervals between the Hopf point and the amplitude ``end``."""
-    covered = chain(pieces)
+    covered = connected_pieces(pieces)
     low = covered[-1].high if covered else Fraction(0)
     later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
     left: list[Interval] = []
@@ -195,12 +195,12 @@ def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
         left.append(Interval(Fraction(0), low))
     for piece in later:
         if piece.low >= low:
-            left += _cut(low, min(piece.low, end))
+            left += _subintervals(low, min(piece.low, end))
             low = piece.high
-    return left + list(_cut(low, end))
+    return left + list(_subintervals(low, end))
 
 
-def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
+def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
     while low < high:
         length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
         # Few digits, and no short last interval.
@@ -211,7 +211,7 @@ def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
         low = until
 
 
-def chain(pieces: Iterable[Piece]) -> list[Piece]:
+def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
     """Return the pieces that form one curve from the Hopf point on, in order."""
     curve: list[Piece] = []
     for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
@@ -263,11 +263,11 @@ def prove_intervals(
     jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
         if isinstance(found, ArcStatus):
-            if found not in _HOPELESS and interval.halvings < _MAX_HALVINGS:
+            if found not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
                 jobs.add(interval.halves())
                 continue
             given_up.append((interval.low, found))
-            jobs.drop_from(interval.low)
+            jobs.cancel_from(interval.low)
         watch(found, interval)
     return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
 
@@ -297,7 +297,7 @@ class _Jobs:
                 self.running[self.executor.submit(_attempt, *self._job(interval))] = interval
             self.waiting = []
 
-    def drop_from(self, low: Fraction) -> None:
+    def cancel_from(self, low: Fraction) -> None:
         """Cancel intervals beyond ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
         for future in [

@@ -99,9 +99,12 @@ class Steps:
 
     def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
         """Choose new axes by `axes_of_balls`, rounded to a few bits, which keeps the log short."""
-        return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
+        return [
+            [_rounded_centre(entry) for entry in row]
+            for row in axes_of_balls(turned, sizes, stiffness)
+        ]
 
-    def took(self, step: Step, axes: Matrix) -> None:
+    def step_taken(self, step: Step, axes: Matrix) -> None:
         parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
         self.log.append(
             {
@@ -172,7 +175,7 @@ def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     return math.exp2(min(0.0, *exponents))
 
 
-def _short(point: Any) -> Any:
+def _rounded_centre(point: Any) -> Any:
     mantissa, exponent = math.frexp(float(point))
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
 

@@ -316,7 +316,9 @@ class SaddleCoordinates:
         path.box = frame.box()
         return path
 
-    def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
+    def enclosed_coordinates(
+        self, frame: Frame, deviation: Sequence[Any] | None = None
+    ) -> list[Any]:
         """Return a box of z, about the second saddle, that encloses the states of a set ``frame``.
 
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
@@ -399,7 +401,7 @@ class ManifoldGraph:
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
-    def steepness(self, theta: Any) -> list[Any]:
+    def slope_over(self, theta: Any) -> list[Any]:
         """Return W(theta) / theta over a ball, which may hold 0."""
         return [_horner(row[1:], theta) for row in self.graph]
 
@@ -413,7 +415,7 @@ class ManifoldGraph:
             return
         span = arb(0).union(reach)
         z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
-        for other, steep, k in zip(self.others, self.steepness(span), cone, strict=True):
+        for other, steep, k in zip(self.others, self.slope_over(span), cone, strict=True):
             direction[other] = steep + arb(0, abs_upper(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
@@ -474,7 +476,7 @@ def leaving(
     within = [arb(0, abs_upper(k * theta)) for k in cone]
     whole = curve.point(span, within)
     matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
-    rows, steep = curve.across(matrix, span), curve.steepness(span)
+    rows, steep = curve.across(matrix, span), curve.slope_over(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
         (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),

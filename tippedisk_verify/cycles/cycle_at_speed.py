@@ -68,7 +68,7 @@ def cycle_at(
     cycle: LimitCycle | None = None
     newborn = (
         abs(distance_below_crit(parameters, speed)) < NEWBORN
-        and not _locator(parameters, engine).lost
+        and not _locator(parameters, engine).no_family_reason
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
@@ -79,7 +79,7 @@ def cycle_at(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).librating(speed)
+    location = _locator(parameters, engine).librating_at(speed)
     if cycle and stable is None and not location.starts:
         return cycle
     cycles = location.cycles(digits, half_widths=half_widths)
@@ -110,7 +110,7 @@ def cycles_at(
         NoSuchCycleError: If the search fails.
         AccuracyError: If the digits are not reached.
     """
-    location = _locator(parameters, engine).librating(omega)
+    location = _locator(parameters, engine).librating_at(omega)
     if location.starts:
         return location.cycles(half_widths=half_widths)
     return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
@@ -154,6 +154,6 @@ def rotating_cycle(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).rotating(speed, stable=stable)
+    location = _locator(parameters, engine).rotating_at(speed, stable=stable)
     (cycle,) = location.cycles(digits, half_widths=half_widths)
     return cycle

@@ -1,8 +1,8 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
 
-The maps are in `passages`. The numbers of a cycle are computed with one choice of sections, series
+The maps are in `saddle_passages`. The numbers of a cycle are computed with one choice of sections, series
 and flights in 64 bits, and with others that round some four times as much. If the digits are not
-reached, or the maps do not exist, `whole_flight_cycles` follows the flow itself.
+reached, or the maps do not exist, `cycles_by_whole_flights` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.passages import (
+from tippedisk_verify.cycles.saddle_passages import (
     Choice,
     GlobalMap,
     HalfMap,

@@ -9,10 +9,10 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.at_distance import cycle_above
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.whole_flight_cycles import cycle_near
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.section import EXTREME, ROUND
+from tippedisk_verify.cycles.section import EXTREME, GAMMA_TURN
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Engine, Event, Request, Status
 from tippedisk_verify.model.equations import field
@@ -44,7 +44,7 @@ from tippedisk_verify.theory.saddle_chart import (
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 #: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
-_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
+_GAMMA_TOP = Event("top", GAMMA_TURN.function, direction=-1, terminal=False)
 
 # The starts of flights off the unstable manifold, in units of the largest sigma.
 _START_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
@@ -135,13 +135,15 @@ class GlobalMap:
         self.duration = self._duration(
             chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
         )
-        probe = _short(float(omega_h) * _SPLITTING_STEP)
+        probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
         reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
         # 64 bits hold the flights' speeds exactly: short distances from a double.
         offset = Fraction(float(omega_h)) - omega_h
-        on_manifold = [_short(reach * x) + offset for x in _nodes(choice.speeds)]
-        off_manifold = [_short(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS]
+        on_manifold = [_rounded_distance(reach * x) + offset for x in _nodes(choice.speeds)]
+        off_manifold = [
+            _rounded_distance(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS
+        ]
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
     def at(self, distance: Any) -> Any:
@@ -452,5 +454,5 @@ def _nodes(count: int) -> Any:
     return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
 
 
-def _short(distance: float) -> Fraction:
+def _rounded_distance(distance: float) -> Fraction:
     return Fraction(round(distance * _SPEED_GRID), _SPEED_GRID)

@@ -20,13 +20,13 @@ from tippedisk_verify.model.precision import (
     precision_named,
     precision_of,
 )
-from tippedisk_verify.model.results import quantities
-from tippedisk_verify.model.saved import (
+from tippedisk_verify.model.result_format import (
     number,
     read_saved,
     saved_numbers,
     write_saved,
 )
+from tippedisk_verify.model.results import quantities
 from tippedisk_verify.motion.solution import Derivative, Solution
 
 __all__ = ["load", "save_solution"]

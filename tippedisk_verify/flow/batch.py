@@ -15,7 +15,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.compiled import CompiledRunners
+from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import MAX_WINDOW, START_WINDOW, Start
