@@ -10,6 +10,7 @@ import pytest
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
@@ -31,7 +32,7 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     flown = cycle_near(section, parameters, omega, omega_h, taylor, digits=22)
     assert quick is not None
     assert quick.precision == "extended"
-    for name in section.numbers:
+    for name in number_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)
         assert mine.holds(truth.value), name
         assert mine.uncertainty < 10**4 * (

@@ -14,7 +14,7 @@ import numpy
 from tippedisk_verify.connection.splitting import SplittingZero
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import OnArrays, doubles
 from tippedisk_verify.model.equations import field as equations_of_motion
@@ -34,9 +34,6 @@ _SADDLE_BITS, _SADDLE_ORDER = 120, 6
 _MAX_FLIGHT = 12.0  # s; by then doubles have long left the connection
 _OVERVIEW_POINTS = 6001  # samples of the first flight, 0.002 s apart
 _ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
-_GAMMA_TOP = Event(
-    "upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -153,7 +150,7 @@ class Heteroclinic(Printable):
             times[-1],
             shifted=True,
             times=times,
-            events=(_GAMMA_TOP,),
+            events=(GAMMA_TOP,),
             domain="none",
             error_estimate=measured and engine.measures_error,
             digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,

@@ -19,6 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
+from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
@@ -126,7 +127,9 @@ def shoot_batch(
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
     matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
-    numbers = section.table((first, second), flight, matrix, slopes, last.trivial, flown, numpy)
+    numbers = numbers_from_map(
+        section, (first, second), flight, matrix, slopes, last.trivial, flown, numpy
+    )
     numbers |= {
         "omega": omega if free_omega else numpy.asarray(omegas, dtype=float),
         "residual": last.residual,

@@ -17,6 +17,7 @@ import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
+from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.saddle_passages import (
@@ -352,7 +353,8 @@ def _numbers(
         "v_0": near_saddle[2].real,
         "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
     }
-    return section.table(
+    return numbers_from_map(
+        section,
         [coordinate.real for coordinate in point],
         time.real,
         ((multiplier, 0), (0, 0)),

@@ -27,6 +27,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.family import Family
 from tippedisk_verify.errors import NoSuchCycleError
@@ -94,7 +95,7 @@ class FamilyInterpolant:
         #: moves with the slow one's: their sum does not come from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
-        self._measured = (*self._section.numbers, "log_multipliers")
+        self._measured = (*number_names(self._section), "log_multipliers")
 
     def _shot(
         self, omegas: Array, guess: Array, constants: Any = None, **options: Any

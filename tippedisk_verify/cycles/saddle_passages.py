@@ -26,9 +26,9 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.section import EXTREME, GAMMA_TURN
+from tippedisk_verify.cycles.section import EXTREME
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Engine, Event, Request, Status
+from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
@@ -42,9 +42,6 @@ from tippedisk_verify.theory.saddle_chart import (
     solved,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
-
-#: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
-_GAMMA_TOP = Event("top", GAMMA_TURN.function, direction=-1, terminal=False)
 
 # The starts of flights off the unstable manifold, in units of the largest sigma.
 _START_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
@@ -210,7 +207,7 @@ class GlobalMap:
             duration=self.duration,
             precision=EXTENDED,
             divergence=True,
-            events=(EXTREME, _GAMMA_TOP),
+            events=(EXTREME, GAMMA_TOP),
             rounding=self.choice.rounding,
         )
         flight = self._engine(request)
@@ -219,7 +216,7 @@ class GlobalMap:
         beta, gamma, v = flight.state
         point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
-        top = next(event.state for event in flight.events if event.name == _GAMMA_TOP.name)
+        top = next(event.state for event in flight.events if event.name == GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
     def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:

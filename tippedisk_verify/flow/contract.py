@@ -27,6 +27,7 @@ from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
     "FLAT",
+    "GAMMA_TOP",
     "MAX_STEPS",
     "SECTION",
     "SLIDING_REVERSAL",
@@ -173,6 +174,13 @@ FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta)
 SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
 #: v = 0: beta is extreme.
 TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
+#: gamma = pi/2 modulo 2 pi, passed upward: the centre of gravity is at its top. The run goes on.
+GAMMA_TOP = Event(
+    "top",
+    lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma),
+    direction=-1,
+    terminal=False,
+)
 #: gamma_y / sin(beta) = 0: the sliding velocity changes sign.
 SLIDING_REVERSAL = Event(
     "surface",

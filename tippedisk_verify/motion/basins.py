@@ -21,11 +21,10 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at, rotating_cycle
-from tippedisk_verify.cycles.section import GAMMA_TURN
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.batch import field_constants
-from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
+from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Request, Status
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
@@ -49,7 +48,7 @@ _LAST_PERIODS = 2.5  # periods of the cycle, which decide instead if they take l
 _MAX_RUN = 8  # the longest run of an undecided state, in units of the duration
 _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
-_TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TURN.function, terminal=False)
+_TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TOP.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
 
