@@ -485,10 +485,10 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.folds import libration_folds
         from tippedisk_verify.cycles.locator import locator_of
 
-        found = locator_of(self, self._engine(engine))
-        if found.no_family_reason:
-            raise AccuracyError(found.no_family_reason)
-        return libration_folds(self, found.engine, digits=digits, family=found.family)
+        locator = locator_of(self, self._engine(engine))
+        if locator.no_family_reason:
+            raise AccuracyError(locator.no_family_reason)
+        return libration_folds(self, locator.engine, digits=digits, family=locator.librating_family)
 
     def rotating_cycle(
         self,

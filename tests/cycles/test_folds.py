@@ -317,7 +317,7 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
     ids=lambda disk: disk.name,
 )
 def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> None:
-    family = locator_of(disk, taylor).family
+    family = locator_of(disk, taylor).librating_family
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2

@@ -20,7 +20,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
     assert locator_of(PRINTED.with_friction("smooth"), taylor) is not known
     assert locator_of(FOLDING, taylor) is not known
     assert known.librating_at(Fraction(30)).starts == ()
-    assert known.__dict__["family"] is known.family
+    assert known.__dict__["librating_family"] is known.librating_family
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
     """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
     known = locator_of(PRINTED, taylor)
-    assert known.family.connected
+    assert known.librating_family.connected
     for name in (
         "cycles.locator.shoot",
         "cycles.locator.bisect_omega_h",

@@ -165,20 +165,18 @@ class Branch(Printable):
         Raises:
             AccuracyError: If a fold does not have 12 digits.
         """
-        disk, zero = (
-            locator_of(cycles_found(self.cycles)[0].parameters, default_engine()),
-            Measured(Fraction(0), Fraction(0)),
-        )
-        born = omega_crit(disk.parameters), period_crit(disk.parameters), zero, zero
+        locator = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
+        zero = Measured(Fraction(0), Fraction(0))
+        born = omega_crit(locator.parameters), period_crit(locator.parameters), zero, zero
         points = [SpecialPoint("Omega_crit", *born)]
-        if disk.no_family_reason:
+        if locator.no_family_reason:
             return tuple(points)
-        parameters, family, engine = disk.parameters, disk.family, disk.engine
+        parameters, family, engine = locator.parameters, locator.librating_family, locator.engine
         for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
             numbers = fold.omega, fold.period, fold.gamma_bar_0, fold.beta_max
             points.append(SpecialPoint(f"fold {number}", *numbers))
         if family.connected:
-            zero_of_splitting = splitting_zero(parameters, disk.omega_h, engine, 12)
+            zero_of_splitting = splitting_zero(parameters, locator.omega_h, engine, 12)
             half_turn = Measured(fraction(DOUBLE.pi), DOUBLE.epsilon)
             connection = zero_of_splitting.omega_h, None, half_turn, None
             points.append(SpecialPoint("Omega_h", *connection))
@@ -495,7 +493,7 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
     short for that is left out.
     """
     try:
-        family = disk_locator.family
+        family = disk_locator.librating_family
     except NoSuchCycleError as fault:  # the caller named no speed
         raise AccuracyError(str(fault)) from None
     breaks = family.breaks
@@ -512,7 +510,7 @@ def _piece(
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """
-    (_, begin), (name, end) = disk_locator.family.ends[piece : piece + 2]
+    (_, begin), (name, end) = disk_locator.librating_family.ends[piece : piece + 2]
     margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
     first = begin + math.copysign(max(abs(margin), _MIN_DISTANCE * begin), margin)
     last = end - math.copysign(

@@ -127,7 +127,7 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
     if criticality(disk_locator.parameters) == "supercritical" and disk_locator.connection_attracts:
         # Mostly there is no fold, and any fold lies in between.
         return omega_crit(disk_locator.parameters, 20).value - omega_h
-    (_, start), (_, end) = disk_locator.family.ends[-2:]
+    (_, start), (_, end) = disk_locator.librating_family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down "

@@ -165,7 +165,7 @@ class Locator:
         return saddle_value_sign(self.parameters, self.omega_h) < 0
 
     @cached_property
-    def family(self) -> LibratingFamily:
+    def librating_family(self) -> LibratingFamily:
         """The family of librating cycles, followed on first use.
 
         Raises:
@@ -177,7 +177,7 @@ class Locator:
     def no_family_reason(self) -> str:
         """The reason why the librating cycles cannot be followed; "" if they can."""
         try:
-            self.family  # noqa: B018
+            self.librating_family  # noqa: B018
         except NoSuchCycleError as fault:
             return str(fault)
         return ""
@@ -215,7 +215,7 @@ class Locator:
                 if abs(omega - self.omega_h) < _LAW_DISTANCE:
                     return self._next_to_omega_h(location, 0, above=self.connection_attracts)
             return location
-        family = self.family
+        family = self.librating_family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
         starts = list(places)
         if not any(start.piece == 0 for start in starts):
