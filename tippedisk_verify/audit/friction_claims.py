@@ -80,12 +80,15 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     constants = parameters.at(DOUBLE)
     sliding = terms(numpy, constants, float(linear.omega), *states).sliding_velocity
     share = float(numpy.abs(sliding).max()) / constants.epsilon
-    apart = abs(float(smooth.period.value / linear.period.value) - 1)
+    difference = abs(float(smooth.period.value / linear.period.value) - 1)
     certain = (
         abs(smooth.period.value - linear.period.value)
         > smooth.period.uncertainty + linear.period.uncertainty
     )
-    return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
+    return (
+        f"T differs by {100 * difference:.3f} %, |gamma_y| up to {share:.3f} epsilon",
+        not certain,
+    )
 
 
 def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:

@@ -119,48 +119,48 @@ class Report(Printable):
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
-        said = list(self.noticed)
-        said += _remark(
+        remarks = list(self.noticed)
+        remarks += _remark(
             answers.undeclared,
             "answer does",
             "answers do",
             "not say from which inputs; graded as from doubles",
         )
-        said += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
-        said += _remark(
+        remarks += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
+        remarks += _remark(
             answers.repeated,
             "id",
             "ids",
             "answered more than once, such as {}; the first answer counts",
         )
         lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
-        said += _remark(answers.altered, "row does", "rows do", lost)
-        said += _remark(
+        remarks += _remark(answers.altered, "row does", "rows do", lost)
+        remarks += _remark(
             answers.missing,
             "entry has",
             "entries have",
             "NaN or NA only, such as {}: counted as not answered",
         )
-        said += _remark(
+        remarks += _remark(
             answers.strange,
             "column or name is",
             "columns or names are",
             "not known, and not read: {all}",
         )
-        said += self._unread()
-        said += self._tolerance()
-        said += _remark(
+        remarks += self._unread()
+        remarks += self._tolerance()
+        remarks += _remark(
             self.mended,
             "answer passes",
             "answers pass",
             "though expected to fail, such as {}: update the list",
         )
-        said += _remark(answers.short, "row ends", "rows end", "before the column answer")
-        said += _remark(
+        remarks += _remark(answers.short, "row ends", "rows end", "before the column answer")
+        remarks += _remark(
             rounded, "answer", "answers", "declared as from decimals: exactly those from doubles"
         )
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
-        return said + _remark(ungraded, "answer", "answers", doubles)
+        return remarks + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
         """Return a remark for each reason why answers are not numbers, with the first such answer.
@@ -171,14 +171,14 @@ class Report(Printable):
         for grade in self.grades:
             if grade.verdict in ("unreadable", "not-a-number"):
                 by_reason.setdefault(grade.note, []).append(grade)
-        said = [
+        remarks = [
             f"{counted(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
             f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
             for reason, grades in list(by_reason.items())[:_MAX_REASONS]
         ]
         more = len(by_reason) - _MAX_REASONS
-        return said + (
+        return remarks + (
             [f"{counted(more, 'more reason', 'more reasons')} why answers are not numbers"]
             if more > 0
             else []
@@ -189,25 +189,25 @@ class Report(Printable):
 
         At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
         """
-        said = []
+        remarks = []
         for level in self.levels:
             if level.level < 6 or level.failed > level.few:
                 continue
-            here = [grade for grade in self.grades if grade.level == level.level]
+            level_grades = [grade for grade in self.grades if grade.level == level.level]
             off = [
                 grade
-                for grade in here
+                for grade in level_grades
                 if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"
             ]
             if off:
                 most = max(off, key=lambda grade: grade.off)
-                said.append(
+                remarks.append(
                     f"level {level.level}: a tolerance shows in "
                     f"{counted(len(off), 'answer', 'answers')} of"
-                    f" {len(here)}; the largest error, at {most.id}, is as if all inputs were "
+                    f" {len(level_grades)}; the largest error, at {most.id}, is as if all inputs were "
                     f"changed by {most.off:.0e}"
                 )
-        return said
+        return remarks
 
     def csv(self) -> str:
         """Return the tallies by level, quantity and friction law as the text of a CSV file."""

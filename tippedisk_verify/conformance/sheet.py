@@ -361,9 +361,9 @@ def _separator(header: str) -> str:
 
 def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
-        said = "" if not name or name in known else _with_likely(name, known)
-        if said and said not in answers.strange and len(answers.strange) < _MAX_LISTED_NAMES:
-            answers.strange.append(said)
+        message = "" if not name or name in known else _with_likely(name, known)
+        if message and message not in answers.strange and len(answers.strange) < _MAX_LISTED_NAMES:
+            answers.strange.append(message)
 
 
 @lru_cache(maxsize=256)

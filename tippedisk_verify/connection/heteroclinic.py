@@ -203,12 +203,12 @@ def _eigenvalues(
     Omega, so that effect is linear.
     """
     if not omega_h.is_measured:
-        there = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
+        eigenvalues = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
         first, second, third = (
-            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in there
+            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in eigenvalues
         )
         return first, second, third
-    there, moved = (
+    eigenvalues, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
@@ -217,6 +217,6 @@ def _eigenvalues(
             a.re.value,
             a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES,
         )
-        for a, b in zip(there, moved, strict=True)
+        for a, b in zip(eigenvalues, moved, strict=True)
     )
     return first, second, third

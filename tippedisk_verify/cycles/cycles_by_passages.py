@@ -204,8 +204,8 @@ def _measured(
     """
     measured = {}
     for name, number in numbers.items():
-        apart = max(abs(number - row[name]) for row in others)
-        width = fraction(_CHOICE_FACTOR * apart + _ULPS * abs(number))
+        largest_difference = max(abs(number - row[name]) for row in others)
+        width = fraction(_CHOICE_FACTOR * largest_difference + _ULPS * abs(number))
         # A logarithm of the distance changes by more than itself where it is small.
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
         measured[name] = Measured(fraction(number), width + _MAX_POWER * fraction(size) * share)
@@ -309,9 +309,9 @@ def monodromy_by_passages(
     first, *others = (
         _period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine())
     )
-    apart = numpy.max([abs(first - other) for other in others], axis=0)
+    largest_difference = numpy.max([abs(first - other) for other in others], axis=0)
     share = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
-    return first, (_CHOICE_FACTOR * apart + share * abs(first)).astype(float)
+    return first, (_CHOICE_FACTOR * largest_difference + share * abs(first)).astype(float)
 
 
 def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:

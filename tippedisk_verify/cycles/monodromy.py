@@ -126,8 +126,8 @@ class FloquetVectors(Printable):
         """
         cycle, matrix = monodromy.cycle, monodromy.matrix
         slow, log_fast = cycle.multiplier_slow, cycle.log_multiplier_fast
-        apart = cycle.log_multiplier_slow - log_fast
-        if apart.value <= apart.uncertainty:
+        log_ratio = cycle.log_multiplier_slow - log_fast
+        if log_ratio.value <= log_ratio.uncertainty:
             raise AccuracyError(
                 "the multipliers are a complex pair, or too close: there are no real vectors"
             )

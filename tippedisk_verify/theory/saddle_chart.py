@@ -149,7 +149,7 @@ class _Tape:
 
         Along rays s' = c a' and c' = -s a', where a derivative multiplies a term by its degree.
         """
-        both = _Series(self), _Series(self)
+        pair = _Series(self), _Series(self)
 
         def rule(start: int, other: _Series, sign: int) -> Callable[[int, slice], Any]:
             def terms(degree: int, of: slice) -> Any:
@@ -160,8 +160,8 @@ class _Tape:
 
             return terms
 
-        both[0].rule, both[1].rule = rule(sine, both[1], 1), rule(cosine, both[0], -1)
-        return both
+        pair[0].rule, pair[1].rule = rule(sine, pair[1], 1), rule(cosine, pair[0], -1)
+        return pair
 
 
 class _Series:

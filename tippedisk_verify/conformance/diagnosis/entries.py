@@ -113,10 +113,10 @@ class Table(Answered):
         Args:
             name: The name of the quantity with its place, such as ``beta@0.5``.
         """
-        here, arrays = self.names == name, []
+        selected, arrays = self.names == name, []
         for array in (self.answer, self.truth, self.allowed, self.left):
             found = np.full(len(self.entries), np.nan)
-            found[self.rows[here]] = array[here]
+            found[self.rows[selected]] = array[selected]
             arrays.append(found)
         answer, truth, allowed, left = arrays
         return Answered(answer, truth, allowed, left > 0)

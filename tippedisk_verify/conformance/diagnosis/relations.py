@@ -309,25 +309,25 @@ def related(
         known = np.isfinite(predicted)
         fits = table.fitted(predicted) & known
         mine, against = fits & table.left, known & ~fits
-        away = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
-        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)
-        told, explained, spoken = (
+        distance = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
+        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / distance), 0.0)
+        evidence, explained, contradictions = (
             np.bincount(group, one) for one in (digits, mine, against & table.left)
         )
         enough = (explained == wrong) | (
             (explained >= _COVERED * wrong) & (explained >= _MIN_RELATED_ANSWERS)
         )
-        for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            here = group == n
+        for n in np.flatnonzero(enough & (evidence > _EVIDENCE) & (contradictions == 0)).tolist():
+            in_group = group == n
             for text, mask in conditions:
-                if not (here & np.where(mask, against, table.left)).any():
+                if not (in_group & np.where(mask, against, table.left)).any():
                     found.append(
                         Relation(
                             rank + 5 * bool(text),
                             says + text,
                             table,
                             str(stems[n]),
-                            here & table.left,
+                            in_group & table.left,
                         )
                     )
                     break

@@ -86,9 +86,11 @@ class _Part:
     def __mul__(self, other: Any) -> _Part:
         other = self._other(other)
         product = self.x * other.x
-        both = self.odd and other.odd
+        both_odd = self.odd and other.odd
         return _Part(
-            product * self.square if both else product, self.square, odd=self.odd is not other.odd
+            product * self.square if both_odd else product,
+            self.square,
+            odd=self.odd is not other.odd,
         )
 
     __rmul__ = __mul__

@@ -221,12 +221,12 @@ def enclosed_moment(
         guess, reach = moment.mid(), moment.rad()
         if not (positive(guess) and positive(step.length - guess)):
             return None
-        there = value(guess)
-        if positive(there):
+        value_at_guess = value(guess)
+        if positive(value_at_guess):
             moment = guess.union(guess - reach)
-        elif negative(there):
+        elif negative(value_at_guess):
             moment = guess.union(guess + reach)
-        moment = intersection(guess - there / slope, moment)
+        moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
         if not 1.5 * upper(moment.rad()) < upper(reach):
             break

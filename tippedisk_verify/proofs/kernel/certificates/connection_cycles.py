@@ -369,8 +369,8 @@ class LoopMap:
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
-        both = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
-        kappa = both[0].max(abs_upper(both[1] / w))
+        image = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
+        kappa = image[0].max(abs_upper(image[1] / w))
         require_positive("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
         require_positive("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
         ratio = n.ratio(self.time)

@@ -282,8 +282,12 @@ class SaddleCoordinates:
         sets = [
             [series[1] for series in model.variational.coefficients(start, 1)] for model in models
         ]
-        both = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
-        return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
+        derivatives = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
+        return (
+            derivatives[:3],
+            [derivatives[3 + row : 12 : 3] for row in range(3)],
+            derivatives[12:],
+        )
 
     def sliding_slope(self, z: Sequence[Any], direction: Sequence[Any]) -> Any:
         """Return the derivative of gamma_y [m/s] along a direction, over a box of z."""
