@@ -1,4 +1,4 @@
-"""The commands of `conformance`, which ask, grade and compare programs."""
+"""The commands `conformance questions|grade|run|compare`, which ask, grade and compare programs."""
 
 from __future__ import annotations
 

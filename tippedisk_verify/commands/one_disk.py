@@ -1,4 +1,6 @@
-"""The commands about one disk: its states, cycles and motion."""
+"""The commands `integrate`, `equilibria`, `hopf`, `slow-manifold`, `orbit`, `harmonic-balance`,
+`branch` and `basin`, about one disk.
+"""
 
 from __future__ import annotations
 

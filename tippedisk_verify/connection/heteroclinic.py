@@ -1,6 +1,4 @@
-"""The heteroclinic connection of noninverted spinning with its copy: its speed Omega_h and its
-orbit.
-"""
+"""The result of `Disk.heteroclinic`: Omega_h, the saddle's eigenvalues, and the connecting orbit."""
 
 from __future__ import annotations
 

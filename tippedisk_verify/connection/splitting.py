@@ -1,5 +1,5 @@
-"""Omega_h to any number of digits, as the speed at which the saddles' manifolds meet; and its
-derivatives.
+"""Omega_h to any number of digits, with its half-width and derivatives, as the speed at which the
+saddles' manifolds meet.
 
 **The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
 distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of

@@ -1,4 +1,4 @@
-"""Single limit cycles at a distance from Omega_h, which doubles need not resolve."""
+"""The cycle that a user asks for at a distance from Omega_h, which doubles need not resolve."""
 
 from __future__ import annotations
 

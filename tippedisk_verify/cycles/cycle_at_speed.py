@@ -1,4 +1,4 @@
-"""Single limit cycles at a speed: the cycle that a user asks for.
+"""The cycle that a user asks for at a speed: `Disk.limit_cycle` and `Disk.rotating_cycle`.
 
 Most are found by shooting from a law. The others need the disk's families, which `locator_of` keeps.
 """

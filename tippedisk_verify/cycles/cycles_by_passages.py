@@ -1,4 +1,4 @@
-"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
+"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
 
 The maps are in `saddle_passages`. The numbers of a cycle are computed with one choice of sections, series
 and flights in 64 bits, and with others that round some four times as much. If the digits are not

@@ -1,5 +1,4 @@
-"""The flow next to the heteroclinic connection, as a flight between the saddles and a passage by
-one of them.
+"""The maps next to the connection: a flight between the saddles, and a passage by one of them.
 
 **The local map.** A cycle at a distance D from Omega_h spends most of its time next to the saddles,
 where doubles lose it. There the charts of `theory.saddle_chart` make the flow linear, so that a

@@ -1,4 +1,4 @@
-"""The families of limit cycles, librating (the paper's Figures HBM and Shooting) and rotating."""
+"""The diagrams of the families of limit cycles, librating (Figures HBM and Shooting) and rotating."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The disk itself as it inverts (the paper's Figures intro_inversion_COG and intro_inversion).
+"""The drawing of a disk that inverts (the paper's Figures intro_inversion_COG and intro_inversion).
 
 The reduced model keeps the centre of gravity S on a vertical line and the spinning speed constant,
 and so do the pictures.

@@ -1,4 +1,5 @@
-"""The error of a run in doubles from the defect of its Taylor polynomials.
+"""The defect of a run's Taylor polynomials, and the error that it causes, carried from step to
+step.
 
 **Definition.** A run is a polynomial p for each of its steps. Only two things are wrong with it:
 its *defect* f(p) - p', and its jumps from the end of one step to the start of the next. The true

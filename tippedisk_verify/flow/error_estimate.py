@@ -1,4 +1,4 @@
-"""The error of a run in doubles, and its corrected numbers, from the defect of its series.
+"""The half-widths of a motion in doubles: end, samples, events and derivatives, from its defect.
 
 Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
 defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the

@@ -1,4 +1,5 @@
-"""The error of a run, from the same run in wider arithmetic, where its defect does not suffice.
+"""The half-widths of a motion from a second run in wider arithmetic, where its defect does not
+suffice.
 
 This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
 roundings (see `flow.error_estimate`). The half-width of a number q is

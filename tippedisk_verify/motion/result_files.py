@@ -1,4 +1,4 @@
-"""Solutions in files, and the reading of every kind of saved result."""
+"""`Solution.save` and `tv.load`: solutions in files, and the reading of every saved result."""
 
 from __future__ import annotations
 
