@@ -59,9 +59,9 @@ from tippedisk_verify.proofs.kernel.balls import (
     positive,
     upper,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
-from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 

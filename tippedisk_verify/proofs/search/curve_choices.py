@@ -1,8 +1,8 @@
 """Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely
 to accept.
 
-Balls become points and floats everywhere. `kernel.curves` and `kernel.certificates.family` test
-these choices, and any choice that passes is right.
+Balls become points and floats everywhere. `kernel.half_map_of_curves` and
+`kernel.certificates.family` test these choices, and any choice that passes is right.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     signs,
     upper_bound,
 )
-from tippedisk_verify.proofs.kernel.curves import (
+from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
+from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     ORDERS,
     UNKNOWNS,
     Arc,
@@ -33,9 +34,8 @@ from tippedisk_verify.proofs.kernel.curves import (
     Matrix,
     inverse,
 )
-from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
 from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts

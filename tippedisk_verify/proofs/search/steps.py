@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
+from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude

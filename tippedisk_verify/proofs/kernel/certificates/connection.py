@@ -37,6 +37,7 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
+from tippedisk_verify.proofs.kernel.certificate_format import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
@@ -50,7 +51,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     require_positive,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [

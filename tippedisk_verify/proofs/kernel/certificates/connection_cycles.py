@@ -127,6 +127,15 @@ from flint import arb
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, positive, require
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    LAWS,
+    MEASURED,
+    count,
+    decimal,
+    dyadic,
+    one_of,
+    order,
+)
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
@@ -142,15 +151,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     abs_upper,
     products,
     require_positive,
-)
-from tippedisk_verify.proofs.kernel.reading import (
-    LAWS,
-    MEASURED,
-    count,
-    decimal,
-    dyadic,
-    one_of,
-    order,
 )
 
 __all__ = [

@@ -85,10 +85,10 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     series_length,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
 __all__ = [

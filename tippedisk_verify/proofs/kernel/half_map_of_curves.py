@@ -55,7 +55,8 @@ which keeps its relative accuracy where Omega' is small.
 Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
 with respect to gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it
 is negative, beta_max grows: at the moment when a cycle reaches its beta_max, |beta_bar| is larger
-on its neighbours of larger gamma_bar_0. `scaled` has the same for the state divided by gamma_bar_0.
+on its neighbours of larger gamma_bar_0. `scaled_half_map` has the same for the state divided by
+gamma_bar_0.
 
 Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
 `certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
@@ -84,11 +85,11 @@ from tippedisk_verify.proofs.kernel.balls import (
     range_of,
     require,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import as_float
 from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
-from tippedisk_verify.proofs.kernel.reading import as_float
 from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
