@@ -134,7 +134,7 @@ class Report(Printable):
             "answered more than once, such as {}; the first answer counts",
         )
         lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
-        remarks += _remark(answers.altered, "row does", "rows do", lost)
+        remarks += _remark(answers.altered_entries, "row does", "rows do", lost)
         remarks += _remark(
             answers.missing,
             "entry has",
@@ -142,7 +142,7 @@ class Report(Printable):
             "NaN or NA only, such as {}: counted as not answered",
         )
         remarks += _remark(
-            answers.strange,
+            answers.unknown_names,
             "column or name is",
             "columns or names are",
             "not known, and not read: {all}",
@@ -155,7 +155,7 @@ class Report(Printable):
             "answers pass",
             "though expected to fail, such as {}: update the list",
         )
-        remarks += _remark(answers.short, "row ends", "rows end", "before the column answer")
+        remarks += _remark(answers.short_rows, "row ends", "rows end", "before the column answer")
         remarks += _remark(
             rounded, "answer", "answers", "declared as from decimals: exactly those from doubles"
         )

@@ -76,13 +76,13 @@ class Answers:
     #: Ids answered more than once; the first answer counts
     repeated: list[str] = field(default_factory=list)
     #: Rows whose columns are not those of the question: id, column
-    altered: list[str] = field(default_factory=list)
+    altered_entries: list[str] = field(default_factory=list)
     undeclared: int = 0  #: answers that do not name their inputs; taken as from doubles
-    short: int = 0  #: rows that end before the column answer
+    short_rows: int = 0  #: rows that end before the column answer
     #: Entries with answers of NaN or NA only; not answered
     missing: list[str] = field(default_factory=list)
     #: columns that no sheet has, each with the one that may be meant
-    strange: list[str] = field(default_factory=list)
+    unknown_names: list[str] = field(default_factory=list)
 
 
 def questions(
@@ -337,7 +337,7 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
                     f"line {line} has {len(row)} fields, the header {len(header)}{more}"
                 )
             if len(row) <= max(id_at, answer_at):
-                answers.short += bool(row)
+                answers.short_rows += bool(row)
             else:
                 reading = row[from_at] if from_at is not None and len(row) > from_at else ""
                 asked = {name: row[place] for name, place in asked_at.items() if place < len(row)}
@@ -362,8 +362,12 @@ def _separator(header: str) -> str:
 def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
         message = "" if not name or name in known else _with_likely(name, known)
-        if message and message not in answers.strange and len(answers.strange) < _MAX_LISTED_NAMES:
-            answers.strange.append(message)
+        if (
+            message
+            and message not in answers.unknown_names
+            and len(answers.unknown_names) < _MAX_LISTED_NAMES
+        ):
+            answers.unknown_names.append(message)
 
 
 @lru_cache(maxsize=256)
@@ -418,7 +422,7 @@ def collected(
                 answers.unknown.append(id_[:200])
             continue
         if (column := _altered(asked, store, store[id_])) is not None:
-            answers.altered.append(f"{id_}, {column}")
+            answers.altered_entries.append(f"{id_}, {column}")
         if id_ in answers.given:
             answers.repeated.append(id_)
             continue

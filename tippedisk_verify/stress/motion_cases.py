@@ -18,7 +18,7 @@ from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.stress.case import Found, StressCase, digits_between, flown
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, digits_between, flown
 
 __all__ = ["CASES"]
 
@@ -46,7 +46,9 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
     return lambda: PRINTED.changed(**values)
 
 
-def _deferred(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
+def _deferred(
+    duration: Any, make: Callable[[], Parameters], **more: Any
+) -> Callable[[], CaseOutcome]:
     """Return an action that makes the parameters only when it runs, so their refusal is an outcome."""
     return lambda: _run(duration, make(), **more)()
 
@@ -180,7 +182,7 @@ def _start_cases() -> list[StressCase]:
     ]
 
 
-def _stable_manifold() -> Found:
+def _stable_manifold() -> CaseOutcome:
     """Compare a run along the unstable manifold to the other saddle and beyond with 400 bits.
 
     The speed is the double that bisection finds for Omega_h.
@@ -198,7 +200,7 @@ def _backward_cases() -> list[StressCase]:
     the cycle, and on rounding.
     """
 
-    def back(duration: str) -> Found:
+    def back(duration: str) -> CaseOutcome:
         cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
         start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
         return flown(
@@ -245,12 +247,12 @@ def _event_cases() -> list[StressCase]:
         )
         return result.time, float(result.state[0])
 
-    def below(ulps: float) -> Found:
+    def below(ulps: float) -> CaseOutcome:
         _, top = peak()
         level = _crossing(top - ulps * 2.0**-53)
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(level,), domain="none"))
 
-    def pair() -> Found:
+    def pair() -> CaseOutcome:
         first, second = _crossing(1.45), _crossing(1.45 + 2.0**-52)
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
 
@@ -316,7 +318,7 @@ def _tolerance_cases() -> list[StressCase]:
     return cases
 
 
-def _long_run() -> Found:
+def _long_run() -> CaseOutcome:
     """Measure the phase error after N periods of the limit cycle, up to about 1e5 s of motion. The
     outcome is honest if the error grows at most linearly.
 
@@ -345,7 +347,7 @@ def _long_run() -> Found:
     slope = float(numpy.polyfit(times, errors, 1)[0])
     note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
     # The random errors at short times make the fitted exponent uncertain by about 0.1.
-    return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
+    return CaseOutcome("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
 
 
 CASES: tuple[StressCase, ...] = (

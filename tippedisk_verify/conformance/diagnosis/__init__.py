@@ -160,7 +160,7 @@ class _Sheet:
     """The diagnosis of one sheet: the changes found so far, and the tables that they explain.
 
     Args:
-        tables: The graded answers. Their masks ``left`` of unexplained answers are changed in
+        tables: The graded answers. Their masks ``unexplained`` of unexplained answers are changed in
             place.
         store: The questions with their truths.
         advance: A function that is called with a label and a number of steps.
@@ -192,12 +192,12 @@ class _Sheet:
         with self.together(tables, whole=True):
             self.relations(tables)
         for later in (False, True):
-            held = [table.left & (table.explained_last != later) for table in tables]
+            held = [table.unexplained & (table.explained_last != later) for table in tables]
             for table, mask in zip(tables, held, strict=True):
-                table.left[mask] = False
+                table.unexplained[mask] = False
             self.explained(tables)
             for table, mask in zip(tables, held, strict=True):
-                table.left[mask] = True
+                table.unexplained[mask] = True
             self.consequences(tables)
             self.lost(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
@@ -210,7 +210,9 @@ class _Sheet:
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
         places = [
-            where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()
+            where(table, base_of(LINEAR, table)["gamma_y"])
+            for table in tables
+            if table.unexplained.any()
         ]
         causes, may_follow = (*named, *dict.fromkeys(self.causes)), bool(earlier) and level > 1
         return Diagnosis(
@@ -255,14 +257,16 @@ class _Sheet:
                 ``_ALL_OR_NOTHING_KINDS`` do.
         """
         changes, causes = dict(self.changes), list(self.causes)
-        before = [table.left.copy() for table in tables]
+        before = [table.unexplained.copy() for table in tables]
         yield
         if any(
-            table.left.any() for table in tables if whole or table.kind in _ALL_OR_NOTHING_KINDS
+            table.unexplained.any()
+            for table in tables
+            if whole or table.kind in _ALL_OR_NOTHING_KINDS
         ):
             self.changes, self.causes = changes, causes
             for table, left in zip(tables, before, strict=True):
-                table.left[:] = left
+                table.unexplained[:] = left
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
@@ -320,15 +324,15 @@ class _Sheet:
             table: The table.
             some: The changes that the program has.
         """
-        if not table.left.any() or table.kind not in PREDICTED:
+        if not table.unexplained.any() or table.kind not in PREDICTED:
             return
         room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
         for function in PREDICTED[table.kind]:
             predicted = self.predicted(table, some, function)
             fits = table.fitted(predicted, room)
-            for stem in np.unique(table.quantity_names[table.left]):
-                mine = table.left & (table.quantity_names == stem)
-                table.left[mine] = not fits[mine].all()
+            for stem in np.unique(table.quantity_names[table.unexplained]):
+                mine = table.unexplained & (table.quantity_names == stem)
+                table.unexplained[mine] = not fits[mine].all()
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
@@ -340,11 +344,15 @@ class _Sheet:
         posed = self.posed(tables) if _left(tables) else []
         for n in range(len(posed)):
             table, problem = posed[n]
-            mine = table.left & (table.names == problem.name)
-            inverse = problem.name not in table.names and table.left.any() and problem.left.any()
+            mine = table.unexplained & (table.names == problem.name)
+            inverse = (
+                problem.name not in table.names
+                and table.unexplained.any()
+                and problem.unexplained.any()
+            )
             if mine.any() or inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                table.left[mine] = not self.adopted(table, problem, posed)
+                table.unexplained[mine] = not self.adopted(table, problem, posed)
                 if table.kind == "slow-manifold":  # each order is computed from the lower ones
                     posed = self.posed(tables)
         self.consequences(tables)
@@ -474,19 +482,19 @@ class _Sheet:
         digits becomes a cause.
         """
         lost: dict[tuple[int, str], list[str]] = {}
-        for table in (table for table in tables if table.left.any()):
+        for table in (table for table in tables if table.unexplained.any()):
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
             law = f" ({table.friction} law)" if table.friction != "both" else ""
-            for stem in np.unique(table.quantity_names[table.left]):
+            for stem in np.unique(table.quantity_names[table.unexplained]):
                 mine = table.quantity_names == stem
-                middle, share = float(np.median(size[mine])), table.left[mine].mean()
+                middle, share = float(np.median(size[mine])), table.unexplained[mine].mean()
                 loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
                 if loses and share > _LOST_SHARE:
                     differences = stem.startswith("dv")
                     why = "the digits that difference quotients leave" if differences else "too few"
                     lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
-                    table.left[mine] = False
+                    table.unexplained[mine] = False
         for (digits, why), names in sorted(lost.items()):
             says = f"some {digits} digits of {', '.join(sorted(names))} are right: {why}"
             self.causes.append(("digits", says))
@@ -506,7 +514,7 @@ class _Sheet:
             mended: True to take the values of the mended program for the right ones.
         """
         groups: dict[str, list[Relation]] = {}
-        some = [table for table in tables if table.left.any()]
+        some = [table for table in tables if table.unexplained.any()]
         changes = [self.candidates(table.friction)[0] if mended else () for table in some]
         if mended:
             some = [replace(table, truth=self.expected(table)) for table in some]
@@ -527,13 +535,13 @@ class _Sheet:
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
         ):
             says = group[0].says
-            new = [one for one in group if one.table.left[one.answers].all()]
+            new = [one for one in group if one.table.unexplained[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            names = {(one.table.friction, one.stem) for one in new}
+            names = {(one.table.friction, one.quantity) for one in new}
             self.causes.append(("relation", _relation_sentence(says, names, total)))
             for one in new:
-                one.table.left[one.answers] = False
+                one.table.unexplained[one.answers] = False
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
         """Return a change in words, with its friction law if the other law's tables do not have it.
@@ -554,7 +562,7 @@ def _of_law(changes: Made, law: str) -> list[Change]:
 
 def _left(tables: Iterable[Table]) -> int:
     """Return the number of wrong answers in tables that are unexplained."""
-    return sum(int(table.left.sum()) for table in tables)
+    return sum(int(table.unexplained.sum()) for table in tables)
 
 
 def _relation_sentence(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:

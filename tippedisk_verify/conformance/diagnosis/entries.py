@@ -33,7 +33,7 @@ class Answered:
     answer: Array
     truth: Array
     allowed: Array  #: the largest error that an answer may have
-    left: Array  #: mask of the answers that failed and are unexplained
+    unexplained: Array  #: mask of the answers that failed and are unexplained
 
     @np.errstate(all="ignore")
     def fitted(self, predicted: Array, allowed: Array | None = None) -> Array:
@@ -51,14 +51,15 @@ class Answered:
         away = np.abs(self.answer - predicted)
         closer = away * _PREDICTION_FACTOR <= np.abs(self.answer - self.truth)
         close = away <= allowed * np.maximum(1.0, larger)
-        return np.asarray(close & (~self.left | closer))
+        return np.asarray(close & (~self.unexplained | closer))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Table(Answered):
     """A table: the answers to the questions of one kind under one friction law.
 
-    ``answer``, ``truth``, ``allowed``, ``left``, ``names``, ``rows`` and ``scale`` have one element
+    ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
+    element
     to an answer. The arrays in ``given`` have one element to an entry.
     """
 
@@ -114,7 +115,7 @@ class Table(Answered):
             name: The name of the quantity with its place, such as ``beta@0.5``.
         """
         selected, arrays = self.names == name, []
-        for array in (self.answer, self.truth, self.allowed, self.left):
+        for array in (self.answer, self.truth, self.allowed, self.unexplained):
             found = np.full(len(self.entries), np.nan)
             found[self.rows[selected]] = array[selected]
             arrays.append(found)
@@ -173,7 +174,7 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
         truth=truths,
         allowed=scale * 10.0**-needs,
         scale=scale,
-        left=np.array([grade.failed for _, grade in some]),
+        unexplained=np.array([grade.failed for _, grade in some]),
     )
 
 

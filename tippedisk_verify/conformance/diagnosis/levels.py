@@ -439,7 +439,7 @@ def problems(table: Table, base: Values) -> list[RegressionProblem]:
                 cells.answer[rows],
                 cells.truth[rows],
                 cells.allowed[rows],
-                cells.left[rows],
+                cells.unexplained[rows],
                 name,
                 definition,
                 _IDENTITIES.get(definition, f"answer - {definition}"),

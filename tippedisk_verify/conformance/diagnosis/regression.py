@@ -66,7 +66,7 @@ class RegressionProblem(Answered):
     def sample(self) -> Array:
         """The indices of the answers on which changes are tried: at most 40 wrong, 8 right."""
         picked = []
-        for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
+        for mask, most in ((self.unexplained, _SAMPLES), (~self.unexplained, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
             picked.append(rows[:: max(1, len(rows) // most)][:most])
         return np.sort(np.concatenate(picked))
@@ -79,8 +79,8 @@ class RegressionProblem(Answered):
         Evidence is counted in digits of the error, and equal answers count once. The number is
         never larger than that of the answers in ``sample``.
         """
-        digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.left]
-        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.left]], return_index=True)
+        digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.unexplained]
+        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.unexplained]], return_index=True)
         evidence = np.clip(np.nan_to_num(digits[first]), 0, 8).sum()
         return min(int((evidence - _ASSUMED[0]) / _ASSUMED[1]), len(self.sample))
 
@@ -116,7 +116,7 @@ class Search:
     """
 
     def __init__(self, budget: int) -> None:
-        self.left = budget  #: changes that may still be evaluated
+        self.remaining_changes = budget  #: changes that may still be evaluated
 
     @np.errstate(all="ignore")
     def __call__(
@@ -140,7 +140,7 @@ class Search:
         effects = [
             self.effects(problem, program, right)
             for program, right in programs
-            if self.left > 0 and problem.max_changes > 0
+            if self.remaining_changes > 0 and problem.max_changes > 0
         ]
         for effort in range(1, efforts + 1):
             found = [
@@ -156,7 +156,7 @@ class Search:
         self, problem: RegressionProblem, program: Values, right: frozenset[str]
     ) -> _Effects:
         found = _Effects(problem, program, right)
-        self.left -= len(found.changes)
+        self.remaining_changes -= len(found.changes)
         return found
 
     def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
@@ -169,7 +169,7 @@ class Search:
         if effort in _HIGHEST_RANKS:
             yield from of.sums(effort, _HIGHEST_RANKS[effort])
             yield from of.solved() if effort == 2 else ()
-        elif self.left > 0:
+        elif self.remaining_changes > 0:
             for first in of.first_changes():
                 after = self.effects(of.problem, of.program.changed(first.pieces), of.right)
                 for size, highest in ((1, 2), (2, 1)):

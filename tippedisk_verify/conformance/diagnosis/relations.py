@@ -161,7 +161,7 @@ class Relation(NamedTuple):
     rank: float  #: lower is likelier
     says: str  #: sentence with {q} for the quantity
     table: Table
-    stem: str  #: the quantity
+    quantity: str  #: the quantity
     answers: Array  #: mask of the unexplained answers that the relation gives
 
 
@@ -303,16 +303,16 @@ def related(
     """
     found = []
     stems, group = np.unique(table.quantity_names, return_inverse=True)
-    wrong, conditions = np.bincount(group, table.left), list(_conditions(table))
+    wrong, conditions = np.bincount(group, table.unexplained), list(_conditions(table))
     others = ((1, says, predicted) for says, predicted in variants.items())
     for rank, says, predicted in chain(others, _predictions(table, truths)):
         known = np.isfinite(predicted)
         fits = table.fitted(predicted) & known
-        mine, against = fits & table.left, known & ~fits
+        mine, against = fits & table.unexplained, known & ~fits
         distance = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
         digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / distance), 0.0)
         evidence, explained, contradictions = (
-            np.bincount(group, one) for one in (digits, mine, against & table.left)
+            np.bincount(group, one) for one in (digits, mine, against & table.unexplained)
         )
         enough = (explained == wrong) | (
             (explained >= _COVERED * wrong) & (explained >= _MIN_RELATED_ANSWERS)
@@ -320,14 +320,14 @@ def related(
         for n in np.flatnonzero(enough & (evidence > _EVIDENCE) & (contradictions == 0)).tolist():
             in_group = group == n
             for text, mask in conditions:
-                if not (in_group & np.where(mask, against, table.left)).any():
+                if not (in_group & np.where(mask, against, table.unexplained)).any():
                     found.append(
                         Relation(
                             rank + 5 * bool(text),
                             says + text,
                             table,
                             str(stems[n]),
-                            in_group & table.left,
+                            in_group & table.unexplained,
                         )
                     )
                     break
@@ -345,11 +345,11 @@ def _conditions(
         table: The answers.
         signed: Numbers by name, one to an entry, whose signs become conditions.
     """
-    yield "", np.ones_like(table.left)
+    yield "", np.ones_like(table.unexplained)
     words = {name: table.given[name] for name in ("equilibrium", "form")}
     words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
     for name, values in words.items():
-        picked = np.unique(values[table.rows][table.left])
+        picked = np.unique(values[table.rows][table.unexplained])
         if len(picked) == 1 and (values != picked[0]).any():
             yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
     for name, values in (signed or {}).items():
@@ -368,7 +368,7 @@ def where(table: Table, gamma_y: Array) -> str:
         table: The answers.
         gamma_y: The sliding velocity of each entry.
     """
-    stems = np.unique(table.quantity_names[table.left])
+    stems = np.unique(table.quantity_names[table.unexplained])
     same, given = np.isin(table.quantity_names, stems), table.given
     names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
@@ -379,7 +379,7 @@ def where(table: Table, gamma_y: Array) -> str:
         "cos(gamma)": np.cos(given["gamma"]),
     }
     for text, mask in _conditions(table, signed):
-        inside, outside = table.left[mask & same], table.left[~mask & same]
+        inside, outside = table.unexplained[mask & same], table.unexplained[~mask & same]
         if (
             len(outside) > _MIN_RELATED_ANSWERS
             and not outside.any()

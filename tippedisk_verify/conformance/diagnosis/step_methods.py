@@ -75,7 +75,7 @@ def recognised_method(table: Table) -> str:
     errors = np.array([column.answer for column in columns]) - truths
     rows = np.flatnonzero(np.isfinite(errors).all(axis=0))[:_MAX_TRAJECTORIES]
     truths, errors = truths[:, rows], errors[:, rows]
-    if not errors.any() or not table.left.any():
+    if not errors.any() or not table.unexplained.any():
         return ""
     r, e, m, A, B, g, mu, epsilon, omega, *start = (table.given[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
@@ -93,7 +93,7 @@ def recognised_method(table: Table) -> str:
         guess = _REFERENCE_STEP * (size / own) ** (1 / scheme[0])
         for step in sorted(_STEPS, key=lambda step: abs(np.log(step / guess)))[:_MAX_STEP_SIZES]:
             if np.linalg.norm(errors_of(scheme, step) - errors) < _MAX_UNEXPLAINED_SHARE * size:
-                table.left[:] = False
+                table.unexplained[:] = False
                 step_ms = f"{1000 * step:g} ms"
                 return f"the trajectories have the errors of {name} at a fixed step of {step_ms}"
     return ""

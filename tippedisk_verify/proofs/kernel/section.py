@@ -126,7 +126,7 @@ def return_map(
         return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
-        tried: Round | None = None
+        tried: TriedStep | None = None
         for _ in range(_MAX_CUTS):
             before, tried = tried, poincare_map.advance(length)
             if tried is None or tried.proved:
@@ -151,7 +151,7 @@ class SectionCase(Enum):
     CROSSES = "they cross the section"
 
 
-class Round(NamedTuple):
+class TriedStep(NamedTuple):
     """The proved properties of one step that was tried."""
 
     length: float  #: of the step [s]
@@ -178,7 +178,7 @@ class PoincareMap:
         #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
         self.turn: tuple[Any, Any] = (None, None)
 
-    def advance(self, longest: float | None = None) -> Round | None:
+    def advance(self, longest: float | None = None) -> TriedStep | None:
         """Try one step, take it if it is proved, and return its proved properties.
 
         Returns None if the path finds no step.
@@ -188,17 +188,17 @@ class PoincareMap:
             return None
         upright, case = self._case(step)
         if not upright or case is None:
-            return Round(step.length, upright, False)
+            return TriedStep(step.length, upright, False)
         if case is SectionCase.CROSSES:
             moment = self._crossing(step)
             if moment is None:
-                return Round(step.length, upright, False)
+                return TriedStep(step.length, upright, False)
             self.path.take(step, moment)
-            return Round(step.length, upright, True, self._landed())
+            return TriedStep(step.length, upright, True, self._landed())
         if case is SectionCase.TURNS and not self._turn(step):
-            return Round(step.length, upright, False)
+            return TriedStep(step.length, upright, False)
         self.path.take(step)
-        return Round(step.length, upright, True)
+        return TriedStep(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return whether the disk is shown to stay upright in the step, and the case that is shown.
