@@ -1,4 +1,5 @@
-"""Branches of limit cycles: many speeds of a family, its special points, and their diagram.
+"""Branches of limit cycles: many speeds of a family (an overview, the paper's sets), its special
+points, and their diagram.
 
 The speeds are given, or the paper's, or those of an overview of the whole family.
 """

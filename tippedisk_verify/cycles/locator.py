@@ -1,4 +1,5 @@
-"""Where the limit cycles of a disk are: the families, and the starts for shooting at a speed.
+"""Where the limit cycles of a disk are: its families, the starts for shooting at a speed, or the
+message that there is no cycle.
 
 The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these
 families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a

@@ -1,4 +1,5 @@
-"""The sections on which limit cycles are fixed points, and the events that mark their flights.
+"""The two sections on which limit cycles are fixed points: their coordinates, events, symmetries
+and messages.
 
 From a point of the section the flow goes on to the section's next crossing. A symmetry of the
 equations takes it back. That is the return map, see `return_map`.

@@ -59,8 +59,7 @@ class Table(Answered):
     """A table: the answers to the questions of one kind under one friction law.
 
     ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
-    element
-    to an answer. The arrays in ``given`` have one element to an entry.
+    element to an answer. The arrays in ``given`` have one element to an entry.
     """
 
     kind: str
