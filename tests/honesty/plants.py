@@ -22,7 +22,7 @@ __all__ = ["PLANTS", "planted"]
 
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
-    "flow.error_estimate:_Run._half_widths": "flow",
+    "flow.error_estimate:_RunWithError._half_widths": "flow",
     "flow.wider_run:_half_widths": "half periods",
     "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",

@@ -197,7 +197,7 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
 
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
-    wanted = _Wanted.checked(store, **grading)
+    wanted = _RequestedOutput.checked(store, **grading)
     asked = [
         quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets
     ]
@@ -250,7 +250,7 @@ def run(
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = stored()
-    wanted = _Wanted.checked(store, **grading)
+    wanted = _RequestedOutput.checked(store, **grading)
     blank = _blank_ones(states, seed, set_)
     asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
     first = chosen(blank or store, sets=set_, levels=(1,))[0]
@@ -366,7 +366,7 @@ def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> St
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _RequestedOutput:
     """The requested files, and the grades that are required."""
 
     page: Path | None
@@ -384,7 +384,7 @@ class _Wanted:
         badge: Path | None,
         require: tuple[int, ...] | None,
         expected_failures: str | None,
-    ) -> _Wanted:
+    ) -> _RequestedOutput:
         """Check the options of a command, and return what they ask for.
 
         Raises:

@@ -137,7 +137,7 @@ def shoot_batch(
     return BatchCycles(section, numbers, converged, last.step)
 
 
-class _Step(NamedTuple):
+class _NewtonStep(NamedTuple):
     """One Newton step of n runs, and the numbers that their derivatives give."""
 
     step: Array  #: (n, 3) the step of the three free unknowns
@@ -160,14 +160,14 @@ class _SectionBatch:
         self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
         self._free = numpy.delete(numpy.arange(4), held)
 
-    def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
+    def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _NewtonStep]:
         """Solve all runs; ``unknowns`` become the solutions.
 
         Each run ends by its own step and leaves the others. Returns a mask of the runs that
         converge, and their last steps (NaN for others).
         """
         count = len(unknowns)
-        last = _Step(
+        last = _NewtonStep(
             *(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ()))
         )
         converged = numpy.zeros(count, dtype=bool)
@@ -210,7 +210,7 @@ class _SectionBatch:
         starts[:, list(self._section.free)] = unknowns[:, :2]
         return starts
 
-    def _step(self, unknowns: Array, runs: Any) -> _Step:
+    def _step(self, unknowns: Array, runs: Any) -> _NewtonStep:
         section, axes = self._section, list(self._section.free)
         constants, starts, omegas = (
             self._constants[runs],
@@ -241,7 +241,7 @@ class _SectionBatch:
         # The Rayleigh quotient of the flow and the symmetry, on the flow's direction.
         direction = _rates(constants, omegas, starts)
         images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
-        return _Step(
+        return _NewtonStep(
             step=-(inverse @ errors[:, :, None])[:, :, 0],
             by_omega=by_omega,
             map=section.image * numpy.stack(moved, axis=1),

@@ -33,7 +33,7 @@ __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 PLAIN_DIGITS = 12
 
 
-class _Method(NamedTuple):
+class _DefectMethod(NamedTuple):
     """The arithmetic and the nodes with which the defect is evaluated, up to a number of digits."""
 
     digits: int
@@ -45,11 +45,11 @@ class _Method(NamedTuple):
 
 
 _METHODS = (
-    _Method(PLAIN_DIGITS, EXTENDED, 3, 0),
-    _Method(PLAIN_DIGITS, EXTENDED, 8, 5),
-    _Method(16, EXTENDED, 5, 3),
-    _Method(20, QUADRUPLE, 10, 8),
-    _Method(25, QUADRUPLE, 18, 16),
+    _DefectMethod(PLAIN_DIGITS, EXTENDED, 3, 0),
+    _DefectMethod(PLAIN_DIGITS, EXTENDED, 8, 5),
+    _DefectMethod(16, EXTENDED, 5, 3),
+    _DefectMethod(20, QUADRUPLE, 10, 8),
+    _DefectMethod(25, QUADRUPLE, 18, 16),
 )
 #: The number of digits up to which a run in doubles suffices, once its error is added.
 CORRECTED_DIGITS = _METHODS[-1].digits
@@ -175,8 +175,8 @@ def _reached(digits: int, result: Result) -> bool:
     )
 
 
-def _refined(request: Request, result: Result, method: _Method) -> Result:
-    run = _Run(request, result, method)
+def _refined(request: Request, result: Result, method: _DefectMethod) -> Result:
+    run = _RunWithError(request, result, method)
     times = numpy.empty(0) if request.times is None else method.wide.sequence(request.times)
     reached = times[abs(times.astype(float)) <= abs(result.time)]
     crossings = [run.crossing(record) for record in result.events]
@@ -206,7 +206,7 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
     )
 
 
-class _Crossing(NamedTuple):
+class _CrossingWithError(NamedTuple):
     """The crossing of an event's surface by the true motion."""
 
     record: EventRecord  #: in wide arithmetic
@@ -216,10 +216,10 @@ class _Crossing(NamedTuple):
     moves: Any  #: (3,) the motion of the state within the half-width of the time
 
 
-class _Run:
+class _RunWithError:
     """A run in doubles, with the error that its defect has caused along it."""
 
-    def __init__(self, request: Request, result: Result, method: _Method) -> None:
+    def __init__(self, request: Request, result: Result, method: _DefectMethod) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
@@ -310,7 +310,7 @@ class _Run:
     def _left(self, roundings: Any, nodes: Any) -> Any:
         return self._share * roundings + DISTANCES * nodes
 
-    def crossing(self, record: EventRecord) -> _Crossing:
+    def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion makes a recorded crossing, with half-widths.
 
         Raises:
@@ -347,7 +347,7 @@ class _Run:
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, left)[:, 0] + moves
-        return _Crossing(
+        return _CrossingWithError(
             EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
         )
 

@@ -52,7 +52,7 @@ _TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TOP.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
 
-_Crossing = tuple[str, Sequence[float]]  # event and state
+_NamedState = tuple[str, Sequence[float]]  # event and state
 
 
 @dataclass(frozen=True, repr=False)
@@ -210,7 +210,7 @@ class Attractors:
         stable = is_stable(linearization(parameters, omega))
         return cls(amplitude, lean, stable, max(_LAST_SECONDS, _LAST_PERIODS * period))
 
-    def ending(self, crossings: Sequence[_Crossing]) -> str:
+    def ending(self, crossings: Sequence[_NamedState]) -> str:
         """Return the outcome of an orbit from its crossings.
 
         It depends on how |gamma - pi/2| at upright states, or |beta - pi/2|, has changed.
@@ -278,7 +278,7 @@ def classified_lanes(
 
 def _run(
     parameters: Parameters, omega: Fraction, now: Any, duration: float, *, record: bool
-) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
+) -> tuple[Any, Any, dict[int, list[_NamedState]]]:
     """Integrate all states (n, 3) for a duration [s].
 
     They run in lanes. The default engine, one run at a time, computes what a lane cannot finish.
@@ -298,7 +298,7 @@ def _run(
         events=events,
     )
     states, flat = batch.states.copy(), numpy.zeros(count, dtype=bool)
-    crossings: dict[int, list[_Crossing]] = defaultdict(list)
+    crossings: dict[int, list[_NamedState]] = defaultdict(list)
     for name, n, _, state in batch.crossings:
         crossings[n].append((name, state))
         flat[n] |= name == _FLAT.name

@@ -257,7 +257,7 @@ def _slope(
     ]
 
 
-class Boxed(NamedTuple):
+class BoxedTest(NamedTuple):
     """A passed test of a box, with its evidence."""
 
     arc: Arc
@@ -270,7 +270,7 @@ class Boxed(NamedTuple):
         return {"radii": [*map(exact_text, self.radii)], "steps": self.steps}
 
 
-def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
+def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
     """Test boxes, first with these radii, until Krawczyk's image fits, and return the passed test.
 
     Raises Stopped if none passes.
@@ -287,7 +287,7 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
             two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return Boxed(arc, sizes, within, choices.log)
+            return BoxedTest(arc, sizes, within, choices.log)
         radii = [2 * part for part in within]
     raise Stopped(ArcStatus.NOT_INCLUDED)
 
@@ -339,7 +339,7 @@ def prove_piece(
             wide, choices = [two_digits(slope * room * share) for slope in slopes], StepSearch()
             with suppress(Unproved):
                 if min(map(sub, wide, box.radii)) > 0 and (wider := test(wide, choices)).included:
-                    unique = Boxed(wider, wide, box.within, choices.log)
+                    unique = BoxedTest(wider, wide, box.within, choices.log)
                     evidence["wide box"] = unique.evidence
                     break
         first, second = rows.numbers

@@ -171,7 +171,7 @@ def prove_cycle(
     digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
     InputError for a guess or speed out of range. Any other failure is a status.
     """
-    attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
+    attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
         raise InputError(
             f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v"
@@ -184,7 +184,7 @@ def prove_cycle(
         )
 
 
-class Attempt:
+class CycleAttempt:
     """A proof in progress: the current precision and box. Failures are raised as `Stopped`."""
 
     def __init__(

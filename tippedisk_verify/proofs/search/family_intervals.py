@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
 __all__ = [
     "HOPF_END",
     "Interval",
-    "Known",
+    "KnownCycle",
     "connected_pieces",
     "guess_at",
     "hopf_guess",
@@ -62,7 +62,7 @@ _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
-Known = tuple[Fraction, Fraction, Fraction, Fraction]
+KnownCycle = tuple[Fraction, Fraction, Fraction, Fraction]
 Found = tuple[Piece | ArcStatus, "Interval"]
 Watch = Callable[[Piece | ArcStatus, "Interval"], None]
 #: A maker of a pool of processes, for several intervals
@@ -72,7 +72,7 @@ Pool = Callable[[bool], AbstractContextManager[Executor | None]]
 def prove_family(
     parameters: Parameters,
     connected_at: Callable[[int], Fraction | None],
-    cycles_at: Callable[[list[Fraction] | None], list[Known]],
+    cycles_at: Callable[[list[Fraction] | None], list[KnownCycle]],
     until: Fraction | None = None,
     pool: Pool = lambda several: nullcontext(),
     stage: Callable[[str], None] = lambda name: None,
@@ -145,7 +145,7 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     return end
 
 
-def _end_for(near: ConnectionCyclesProof | None, known: Sequence[Known]) -> Fraction | None:
+def _end_for(near: ConnectionCyclesProof | None, known: Sequence[KnownCycle]) -> Fraction | None:
     """Return an amplitude at which pieces reach the proved cycles next to the connection, or None
     if these are not proved.
     """
@@ -234,7 +234,7 @@ def hopf_guess(parameters: Parameters) -> Guess:
         return first, second, third
 
 
-def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
+def guess_at(known: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
     """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
     proof depends on it.
     """
@@ -250,7 +250,7 @@ def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
 def prove_intervals(
     parameters: Parameters,
     intervals: Sequence[Interval],
-    known: Sequence[Known],
+    known: Sequence[KnownCycle],
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
 ) -> ArcStatus | None:
@@ -281,7 +281,7 @@ class _Jobs:
     def __init__(
         self,
         parameters: Parameters,
-        known: Sequence[Known],
+        known: Sequence[KnownCycle],
         executor: Executor | None,
         intervals: Iterable[Interval],
     ) -> None:

@@ -105,7 +105,7 @@ def prove_fold(
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
     # Enough for the squared half-length, with a margin
     bits = bits_for_digits(digits + 2 * _ARC_DIGITS + 4) + _GUARD_BITS
-    attempt = _Attempt(section, parameters, (v, omega), arc)
+    attempt = _FoldAttempt(section, parameters, (v, omega), arc)
     with working_precision(bits):
         try:
             extremum, values = attempt.run()
@@ -118,7 +118,7 @@ def prove_fold(
     )
 
 
-class _Attempt:
+class _FoldAttempt:
     """A proof in progress, about one point on one arc. Failures are raised as Unproved."""
 
     def __init__(
