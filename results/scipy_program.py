@@ -16,7 +16,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from tippedisk_verify.conformance.sheet import placed
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 _TINY = 1e-30  # the imaginary step
 _SECTION = math.pi / 2
@@ -55,13 +55,13 @@ def motion(
     return -omega * cb, force / (inertia + m * rho**2 * cb**2), slip
 
 
-def _setting(store: Store, quantity: Quantity) -> tuple[dict[str, float], float, bool]:
+def _setting(store: Store, quantity: ReferenceValue) -> tuple[dict[str, float], float, bool]:
     parameters = {name: float(value) for name, value in store.parameters[quantity.set].items()}
     return parameters, float(quantity.inputs["Omega"]), quantity.friction == "smooth"
 
 
 def _trajectory(
-    store: Store, asked: Sequence[Quantity], options: dict[str, Any]
+    store: Store, asked: Sequence[ReferenceValue], options: dict[str, Any]
 ) -> dict[str, float]:
     p, omega, smooth = _setting(store, asked[0])
 
@@ -114,7 +114,9 @@ def _variational(p: dict[str, float], omega: float, smooth: bool) -> Callable[[f
     return rates
 
 
-def _cycle(store: Store, asked: Sequence[Quantity], options: dict[str, Any]) -> dict[str, float]:
+def _cycle(
+    store: Store, asked: Sequence[ReferenceValue], options: dict[str, Any]
+) -> dict[str, float]:
     """Find a cycle by Newton's method on the half map, from a start a millionth off the cycle."""
     p, omega, smooth = _setting(store, asked[0])
     near = {quantity.name: quantity.for_doubles for quantity in asked}
@@ -170,7 +172,7 @@ def answered(
         **options: Further options of `solve_ivp`.
     """
     options |= {"method": method, "rtol": tolerance, "atol": tolerance}
-    entries: dict[str, list[Quantity]] = {}
+    entries: dict[str, list[ReferenceValue]] = {}
     for quantity in (quantity for prefix in prefixes for quantity in store.matching(prefix)):
         if "doubles" in quantity.values:
             entries.setdefault(quantity.id.rsplit("/", 1)[0], []).append(quantity)

@@ -55,7 +55,7 @@ def test_a_cache_that_cannot_be_used_is_no_error(tmp_path: Path) -> None:
         cache = Cache(folder)
         cache.put(KEY, VALUE)
         assert cache.get(KEY) is None
-        cache.tidy()
+        cache.remove_unused()
     assert in_the_way.read_text() == "not a folder"
 
 
@@ -83,7 +83,7 @@ def test_only_old_files_of_the_cache_are_removed(tmp_path: Path) -> None:
     for path in (tmp_path / f"{KEY}.json", remains, foreign):
         os.utime(path, (long_ago, long_ago))
     assert cache.get(KEY) == VALUE  # used now, so no longer old
-    cache.tidy()
+    cache.remove_unused()
     assert {path.name for path in tmp_path.iterdir()} == {
         f"{KEY}.json",
         f"{'cd' * 32}.json",

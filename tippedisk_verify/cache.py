@@ -79,7 +79,7 @@ class Cache:
             return None
         path = self._folder / f"{key}.json"
         try:
-            os.utime(path)  # records the last use, for `tidy`
+            os.utime(path)  # records the last use, for `remove_unused`
             checksum, _, text = read_bytes(path, _MAX_ENTRY_BYTES).partition(b"\n")
             return json.loads(text) if checksum.decode("ascii") == digest(text) else None
         except (OSError, ValueError, RecursionError, MemoryError):
@@ -100,7 +100,7 @@ class Cache:
                 self._folder.mkdir(parents=True, exist_ok=True, mode=0o700)
                 write_bytes(self._folder / f"{key}.json", digest(text).encode() + b"\n" + text)
 
-    def tidy(self) -> None:
+    def remove_unused(self) -> None:
         """Remove values that have not been used for 60 days.
 
         Only files whose names have this cache's form are touched.

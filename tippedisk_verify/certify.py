@@ -330,7 +330,7 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
-        from tippedisk_verify.cycles.branch import found
+        from tippedisk_verify.cycles.branch import cycles_found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
         from tippedisk_verify.proofs.search.family_intervals import prove_family
 
@@ -363,7 +363,8 @@ class Certifier:
                 if branch.missing:
                     raise AccuracyError(branch.missing[0].status)
                 numbers = [
-                    (c.gamma_bar_0, c.v_0, c.omega, c.period / 2) for c in found(branch.cycles)
+                    (c.gamma_bar_0, c.v_0, c.omega, c.period / 2)
+                    for c in cycles_found(branch.cycles)
                 ]
                 return [tuple(number.value for number in cycle) for cycle in numbers]
 

@@ -1,4 +1,4 @@
-"""The command line: a thin layer over the package's functions.
+"""The command line as a whole: its groups of commands, exit statuses and error lines.
 
 Exit status 0 means done, and 1 that one of the package's own checks failed. Status 2 means bad
 input, with one line on standard error. A signal ends the process with 128 plus its number, Ctrl-C

@@ -19,13 +19,16 @@ from typing import IO
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.interrupts import unbroken, undoing
+from tippedisk_verify.interrupts import cleaning_up, uninterrupted
 
 __all__ = ["Program", "started"]
 
 _MAX_LINE = 100_000  # bytes of a line that are kept; an answer has two thousand at most
-_SHOWN, _WIDEST = 20, 300  # lines of standard error that are kept, and bytes of each
-_AT_ONCE = 65_536  # bytes of one read or write
+_MAX_STDERR_LINES, _MAX_STDERR_WIDTH = (
+    20,
+    300,
+)  # lines of standard error that are kept, and bytes of each
+_CHUNK_BYTES = 65_536  # bytes of one read or write
 _POLL_INTERVAL = 0.02  # s between checks that the program still runs
 _END_TIMEOUT = 5.0  # s, the longest time for a program to end after its input has ended
 
@@ -64,14 +67,14 @@ class Program:
         self._pipes = tuple(stream for stream in pipes if stream is not None)  # all three exist
         self._input, output, errors = self._pipes
         self._unsent = self._rest = self._murmur = b""
-        self._errors: deque[str] = deque(maxlen=_SHOWN)
+        self._errors: deque[str] = deque(maxlen=_MAX_STDERR_LINES)
         self._errors_before = 0
         self._closed = False  # standard output
         self._selector = selectors.DefaultSelector()
         for stream in self._pipes:
             os.set_blocking(stream.fileno(), False)
-        self._selector.register(output, selectors.EVENT_READ, self._hear)
-        self._selector.register(errors, selectors.EVENT_READ, self._overhear)
+        self._selector.register(output, selectors.EVENT_READ, self._read_stdout)
+        self._selector.register(errors, selectors.EVENT_READ, self._read_stderr)
 
     def ask(self, text: str, waiting: Collection[str], take: Callable[[str], None]) -> str:
         """Send questions to the program, and pass each line that it writes to ``take`` until all
@@ -94,13 +97,13 @@ class Program:
             self._unsent += text.encode()
         still, deadline = len(waiting), time.monotonic() + self._limit
         while waiting:
-            self._listen(take)
+            self._poll_pipes(take)
             id_ = next(iter(waiting), "")
             if len(waiting) < still:
                 still, deadline = len(waiting), time.monotonic() + self._limit
             elif self._closed:
                 if self._ends(take):
-                    return f"{self.name} ended with {self._fate()} before it answered {id_}"
+                    return f"{self.name} ended with {self._ending()} before it answered {id_}"
                 return f"{self.name} closed its standard output before it answered {id_}, and was ended"
             elif time.monotonic() >= deadline:
                 return f"{self.name} did not answer {id_} within {self._limit:g} s, and was ended"
@@ -120,7 +123,7 @@ class Program:
         self._close_input()
         if not self._ends(take):
             return f"{self.name} went on when its input had ended, and was ended"
-        return "" if (how := self._fate()) == "status 0" else f"{self.name} ended with {how}"
+        return "" if (how := self._ending()) == "status 0" else f"{self.name} ended with {how}"
 
     def explained(self, broken: str) -> str:
         """Return the reason why the program gives no more answers, with its last line of standard
@@ -153,7 +156,7 @@ class Program:
         for stream in self._pipes:
             stream.close()
 
-    def _fate(self) -> str:
+    def _ending(self) -> str:
         """Return a description of how the program has ended, by its exit status or signal; "" while
         it runs.
         """
@@ -166,10 +169,10 @@ class Program:
 
     def _ends(self, take: Callable[[str], None]) -> bool:
         deadline = time.monotonic() + min(self._limit, _END_TIMEOUT)
-        while not (self._closed and self._fate()) and time.monotonic() < deadline:
-            self._listen(take)
-        self._listen(take)  # it may have written a last line of errors since
-        return bool(self._fate())
+        while not (self._closed and self._ending()) and time.monotonic() < deadline:
+            self._poll_pipes(take)
+        self._poll_pipes(take)  # it may have written a last line of errors since
+        return bool(self._ending())
 
     def _close_input(self) -> None:
         if self._unsent:
@@ -177,21 +180,21 @@ class Program:
         self._unsent = b""
         self._input.close()
 
-    def _listen(self, take: Callable[[str], None]) -> None:
+    def _poll_pipes(self, take: Callable[[str], None]) -> None:
         """Check all pipes of the program once, and pass the lines that it has written
         to ``take``.
         """
         ready = self._selector.select(_POLL_INTERVAL)
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
         # A child of the program may keep the pipe open after the program has ended.
-        if not ready and not self._closed and self._fate():
+        if not ready and not self._closed and self._ending():
             lines = self._last()
         for line in lines:
             take(line.decode("utf-8", "replace"))
 
     def _send(self, stream: IO[bytes]) -> list[bytes]:
         try:
-            self._unsent = self._unsent[os.write(stream.fileno(), self._unsent[:_AT_ONCE]) :]
+            self._unsent = self._unsent[os.write(stream.fileno(), self._unsent[:_CHUNK_BYTES]) :]
         except BlockingIOError:
             return []
         except OSError:  # it no longer reads its input; it may still answer
@@ -201,7 +204,7 @@ class Program:
                 self._selector.unregister(stream)
         return []
 
-    def _hear(self, stream: IO[bytes]) -> list[bytes]:
+    def _read_stdout(self, stream: IO[bytes]) -> list[bytes]:
         content = self._received(stream)
         *whole, rest = (self._rest + content).split(b"\n")
         self._rest = rest[:_MAX_LINE]
@@ -216,22 +219,22 @@ class Program:
         rest, self._rest = self._rest, b""
         return [rest]
 
-    def _overhear(self, stream: IO[bytes]) -> list[bytes]:
+    def _read_stderr(self, stream: IO[bytes]) -> list[bytes]:
         *whole, rest = (self._murmur + self._received(stream)).split(b"\n")
-        self._murmur = rest[:_WIDEST]
-        self._errors_before += max(len(self._errors) + len(whole) - _SHOWN, 0)
+        self._murmur = rest[:_MAX_STDERR_WIDTH]
+        self._errors_before += max(len(self._errors) + len(whole) - _MAX_STDERR_LINES, 0)
         self._errors.extend(map(_shown, whole))
         return []
 
     def _received(self, stream: IO[bytes]) -> bytes:
-        content = os.read(stream.fileno(), _AT_ONCE)
+        content = os.read(stream.fileno(), _CHUNK_BYTES)
         if not content:
             self._selector.unregister(stream)
         return content
 
 
 def _shown(line: bytes) -> str:
-    return printable(line[:_WIDEST].decode("utf-8", "replace").rstrip())
+    return printable(line[:_MAX_STDERR_WIDTH].decode("utf-8", "replace").rstrip())
 
 
 @contextmanager
@@ -251,9 +254,9 @@ def started(command: Sequence[str], limit: float) -> Iterator[Program]:
         for program in running:
             program.kill()
 
-    with undoing(kill):
+    with cleaning_up(kill):
         try:
-            with unbroken():
+            with uninterrupted():
                 running.append(Program(command, limit))
             yield running[0]
         finally:

@@ -151,15 +151,9 @@ class Disk(Parameters):
             InputError: If not exactly one of the four is given, or it cannot be used.
             NoConnectionError: If the disk has no Omega_h.
         """
-        from tippedisk_verify.theory.hopf import speed_below_crit
-
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
         if above_het is None and below_het is None:
-            return (
-                checked_speed(omega)
-                if below_crit is None
-                else speed_below_crit(self, below_crit, digits).value
-            )
+            return self._speed(omega, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:
             raise InputError(
@@ -424,7 +418,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.at_speed import cycle_at
+        from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 
         one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
@@ -433,7 +427,7 @@ class Disk(Parameters):
                     "above_het leads to the cycles next to Omega_h: choose with "
                     "stable at a speed omega"
                 )
-            from tippedisk_verify.cycles.at_distance import cycle_above
+            from tippedisk_verify.cycles.cycle_at_distance import cycle_above
 
             with shown_share("limit cycle", progress):
                 return cycle_above(self, above_het, self._engine(engine), digits=digits)
@@ -491,10 +485,10 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.folds import libration_folds
         from tippedisk_verify.cycles.locator import locator_of
 
-        found = locator_of(self, self._engine(engine))
-        if found.lost:
-            raise AccuracyError(found.lost)
-        return libration_folds(self, found.engine, digits=digits, family=found.family)
+        locator = locator_of(self, self._engine(engine))
+        if locator.no_family_reason:
+            raise AccuracyError(locator.no_family_reason)
+        return libration_folds(self, locator.engine, digits=digits, family=locator.librating_family)
 
     def rotating_cycle(
         self,
@@ -534,8 +528,8 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.at_distance import rotating_below
-        from tippedisk_verify.cycles.at_speed import rotating_cycle
+        from tippedisk_verify.cycles.cycle_at_distance import rotating_below
+        from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 
         one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
@@ -606,7 +600,7 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.folds import rotation_fold
         from tippedisk_verify.cycles.locator import locator_of
 
-        return rotation_fold(locator_of(self, self._engine(engine)).rotations, digits=digits)
+        return rotation_fold(locator_of(self, self._engine(engine)).rotating_family, digits=digits)
 
     def branch(
         self,
@@ -756,10 +750,10 @@ class Disk(Parameters):
 
     def _speed(self, omega: object, below_crit: object, digits: int) -> Measured:
         """Return a speed, given directly or by its distance below Omega_crit, with its half-width."""
-        from tippedisk_verify.theory.hopf import speed_below_crit
-
         if below_crit is None:
             return Measured(checked_speed(omega), Fraction(0))
+        from tippedisk_verify.theory.hopf import speed_below_crit
+
         return speed_below_crit(self, below_crit, digits)
 
     @staticmethod

@@ -1,4 +1,6 @@
-"""The errors of a request. Each message names the fault and, where possible, a remedy."""
+"""The classes of a request's errors. Each message stands where it is raised, and names the fault
+and, where possible, a remedy.
+"""
 
 from __future__ import annotations
 

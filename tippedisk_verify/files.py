@@ -20,7 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import unbroken, undoing
+from tippedisk_verify.interrupts import cleaning_up, uninterrupted
 
 __all__ = [
     "csv_text",
@@ -55,7 +55,7 @@ def output_folder(path: str | Path) -> Path:
         if folder.exists() and not folder.is_dir():
             raise OSError(_obstacle(folder))
         folder.mkdir(parents=True, exist_ok=True)
-        with unbroken(), tempfile.TemporaryFile(dir=folder):
+        with uninterrupted(), tempfile.TemporaryFile(dir=folder):
             pass
     return folder
 
@@ -112,7 +112,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
         InputError: If the path is not that of a regular file, or cannot be written.
     """
     path = path.resolve() if path.is_symlink() else path
-    with _refused(f"{_named(path)} cannot be written"), unbroken():
+    with _refused(f"{_named(path)} cannot be written"), uninterrupted():
         if path.exists() and not path.is_file():
             raise OSError(_obstacle(path))
         descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
@@ -275,7 +275,7 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
     refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
-    with file_lock(folder / ".lock", refusal), undoing(remove):
+    with file_lock(folder / ".lock", refusal), cleaning_up(remove):
         try:
             yield folder
         finally:

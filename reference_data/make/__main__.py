@@ -12,7 +12,7 @@ sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
 from tippedisk_verify.commands.common import Output, command  # noqa: E402
 from tippedisk_verify.commands.jobs import jobs_option, processes  # noqa: E402
-from tippedisk_verify.interrupts import answering  # noqa: E402
+from tippedisk_verify.interrupts import handling_ctrl_c  # noqa: E402
 
 
 @command(
@@ -37,7 +37,7 @@ def make(output: Output, prefixes: tuple[str, ...], out: str, jobs: int | None) 
 
 
 if __name__ == "__main__":
-    with answering():
+    with handling_ctrl_c():
         from tippedisk_verify.cli import cli, entry
 
         cli.add_command(make)

@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.cycles.folds import fold_near
-from tippedisk_verify.cycles.section import EXTREME, ROTATING, ROUND
+from tippedisk_verify.cycles.section import EXTREME, GAMMA_TURN, ROTATING
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold, spectral_rotation
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
@@ -18,7 +18,7 @@ from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
 from tippedisk_verify.reference_values.entries import ExactItem, Values
-from tippedisk_verify.reference_values.truths import shot
+from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
     "balance",
@@ -39,7 +39,7 @@ _BALANCED, _COLLOCATED, _COLLOCATED_FOLD = 40, 34, 42
 _BITS = 180  # 54 digits; a period of a rotating cycle amplifies errors by less than 10^6
 _HALF = _BITS // 2  # a difference quotient with the step 2^-_HALF keeps half of the bits
 _QUARTER = PI * Fraction(1, 2)
-_TOP = Event("top", ROUND.function, direction=ROUND.direction, terminal=False)
+_TOP = Event("top", GAMMA_TURN.function, direction=GAMMA_TURN.direction, terminal=False)
 
 
 def omega_h_for(case: ExactItem) -> Fraction:
@@ -302,7 +302,7 @@ def scipy(case: ExactItem, values: Values) -> Values:
 
     The method claims nine digits; the data record its distance from the value.
     """
-    point = shot(case, values, Baseline())
+    point = shoot_known_cycle(case, values, Baseline())
     if case.item.kind == "rotating-cycle":
         numbers = {
             "period": point.image.time,

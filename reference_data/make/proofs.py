@@ -13,7 +13,7 @@ from typing import Any
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.entries import ExactItem, Values
-from tippedisk_verify.reference_values.store import codebook
+from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
 
@@ -86,7 +86,11 @@ def _connection(case: ExactItem, values: Values) -> Proof:
     if not proof.proved or proof.omega_h is None:
         raise AccuracyError(proof.statement)
     enclosures = dict(
-        zip(codebook()["heteroclinic"], (proof.omega_h, *proof.saddle_eigenvalues), strict=True)
+        zip(
+            quantity_definitions()["heteroclinic"],
+            (proof.omega_h, *proof.saddle_eigenvalues),
+            strict=True,
+        )
     )
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 

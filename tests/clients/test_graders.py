@@ -17,7 +17,7 @@ from tippedisk_verify.conformance.grading import graded, levels_of
 from tippedisk_verify.conformance.sheet import read_answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text
-from tippedisk_verify.reference_values.store import Quantity, Store, data_folder, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, data_folder, stored
 
 NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
@@ -63,7 +63,7 @@ Said = tuple[set[tuple[str, str]], dict[int, tuple[int, int, str, float]], tuple
 
 
 @pytest.fixture(scope="module")
-def chosen() -> list[Quantity]:
+def chosen() -> list[ReferenceValue]:
     return [quantity for quantity in stored().values() if quantity.id.startswith(ASKED)]
 
 
@@ -76,7 +76,7 @@ def table(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def _right(chosen: list[Quantity]) -> Sheet:
+def _right(chosen: list[ReferenceValue]) -> Sheet:
     return {
         quantity.id: (
             "doubles" if "doubles" in quantity.values else "decimals",
@@ -93,7 +93,7 @@ def _changed(sheet: Sheet, where: str, change: Callable[[float], object]) -> She
     }
 
 
-def _sheets(chosen: list[Quantity]) -> dict[str, str]:
+def _sheets(chosen: list[ReferenceValue]) -> dict[str, str]:
     right = _right(chosen)
     digits = {quantity.id: quantity.values["decimals"][0] for quantity in chosen}
     last = right[chosen[-1].id]
@@ -131,7 +131,7 @@ def _sheets(chosen: list[Quantity]) -> dict[str, str]:
     return texts
 
 
-def _expected(path: Path, store: Store, chosen: list[Quantity]) -> Said:
+def _expected(path: Path, store: Store, chosen: list[ReferenceValue]) -> Said:
     try:
         answers = read_answers(path, store)
     except InputError:
@@ -202,7 +202,7 @@ def _by_node(names: list[str], folder: Path, table: Path) -> list[str]:
 )
 def test_the_verdicts_are_those_of_conformance_grade(
     run: Callable[[list[str], Path, Path], list[str]],
-    chosen: list[Quantity],
+    chosen: list[ReferenceValue],
     table: Path,
     tmp_path: Path,
 ) -> None:

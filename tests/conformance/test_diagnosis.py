@@ -28,7 +28,7 @@ from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.reference_values.store import Quantity, Store, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
 
 STATE = {
     "beta": np.array([1.1, 0.4]),
@@ -59,7 +59,7 @@ def _diagnosed(given: dict[str, str], store: Store) -> list[Diagnosis]:
     )
 
 
-def _changed(pattern: str, of: Callable[[Quantity], float], store: Store) -> list[Diagnosis]:
+def _changed(pattern: str, of: Callable[[ReferenceValue], float], store: Store) -> list[Diagnosis]:
     """The diagnosis of right answers of which some are changed."""
     return _diagnosed({one.id: repr(of(one)) for one in store.matching(pattern)}, store)
 
@@ -148,7 +148,7 @@ def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
     ],
 )
 def test_a_relation_to_right_answers_is_named(
-    pattern: str, change: Callable[[Quantity], float], says: str, store: Store
+    pattern: str, change: Callable[[ReferenceValue], float], says: str, store: Store
 ) -> None:
     (diagnosis,) = _changed(pattern, change, store)
     assert [cause for _, cause in diagnosis.causes] == [says]
@@ -156,7 +156,7 @@ def test_a_relation_to_right_answers_is_named(
 
 
 def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
-    entries: dict[str, dict[str, Quantity]] = {}
+    entries: dict[str, dict[str, ReferenceValue]] = {}
     for one in store.matching("table1/linear/trajectory/"):
         if one.name in ("beta@0.5", "gamma@0.5", "v@0.5"):
             entries.setdefault(one.id.rsplit("/", 1)[0], {})[one.name[:-4]] = one

@@ -195,10 +195,10 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
         grades = graded(answers, found)
         assert [grade.id for grade in grades] == ids
         assert not any(grade.failed for grade in grades)
-        assert (answers.unknown, answers.altered) == ([], [])
+        assert (answers.unknown, answers.altered_entries) == ([], [])
     full["questions"][0]["mu"] = "0.3"
     (tmp_path / "a.json").write_text(json.dumps(full))
-    assert read_answers(tmp_path / "a.json", found).altered == [f"{ids[0]}, mu"]
+    assert read_answers(tmp_path / "a.json", found).altered_entries == [f"{ids[0]}, mu"]
 
 
 def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 import tippedisk_verify as tv
 from tests.command_line import answer, rows_of
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.branch import Branch, family, paper_speeds
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
@@ -53,7 +53,9 @@ def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -
 
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:
     monkeypatch.setitem(
-        locator_of(GEOMETRY, taylor).__dict__, "lost", "the family could not be followed"
+        locator_of(GEOMETRY, taylor).__dict__,
+        "no_family_reason",
+        "the family could not be followed",
     )
     (cycle,) = family(GEOMETRY, taylor, omegas=["30.4"])
     assert cycle == cycle_at(GEOMETRY, "30.4", taylor)

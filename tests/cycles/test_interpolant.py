@@ -11,7 +11,7 @@ from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import hopf_point
 

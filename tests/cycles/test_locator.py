@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
@@ -19,8 +19,8 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
     assert locator_of(PRINTED.changed(name="table1"), taylor) is known
     assert locator_of(PRINTED.with_friction("smooth"), taylor) is not known
     assert locator_of(FOLDING, taylor) is not known
-    assert known.librating(Fraction(30)).starts == ()
-    assert known.__dict__["family"] is known.family
+    assert known.librating_at(Fraction(30)).starts == ()
+    assert known.__dict__["librating_family"] is known.librating_family
 
 
 @pytest.mark.parametrize(
@@ -41,7 +41,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
     """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
     known = locator_of(PRINTED, taylor)
-    assert known.family.connected
+    assert known.librating_family.connected
     for name in (
         "cycles.locator.shoot",
         "cycles.locator.bisect_omega_h",
@@ -55,10 +55,10 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
 def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
     known = locator_of(FOLDING, taylor)
     for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
-        assert [start.piece for start in known.librating(Fraction(omega)).starts] == pieces
+        assert [start.piece for start in known.librating_at(Fraction(omega)).starts] == pieces
     for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
         assert [
-            start.piece for start in locator_of(PRINTED, taylor).rotating(Fraction(omega)).starts
+            start.piece for start in locator_of(PRINTED, taylor).rotating_at(Fraction(omega)).starts
         ] == pieces
 
 
@@ -67,13 +67,13 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     ones below.
     """
     known, near = locator_of(PRINTED, taylor), Fraction(1, 10**20)
-    omega_h = known.librating(known.omega_h).omega_h
+    omega_h = known.librating_at(known.omega_h).omega_h
     assert omega_h is not None
-    assert known.librating(omega_h + near).omega_h != known.omega_h
-    above, below = known.librating(omega_h + near), known.librating(omega_h - near)
+    assert known.librating_at(omega_h + near).omega_h != known.omega_h
+    above, below = known.librating_at(omega_h + near), known.librating_at(omega_h - near)
     assert [start.is_in_double for start in above.starts] == [False]
     assert not below.starts
     assert "1e-20 rad/s below Omega_h" in below.refusal
-    rotating = known.rotating(omega_h - near, stable=True)
+    rotating = known.rotating_at(omega_h - near, stable=True)
     assert [start.is_in_double for start in rotating.starts] == [False]
-    assert not known.rotating(omega_h + near, stable=True).starts
+    assert not known.rotating_at(omega_h + near, stable=True).starts

@@ -11,9 +11,9 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cycles.at_distance import rotating_below
-from tippedisk_verify.cycles.at_speed import rotating_cycle
 from tippedisk_verify.cycles.branch import rotating_branch
+from tippedisk_verify.cycles.cycle_at_distance import rotating_below
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.spectral import spectral_rotation
@@ -58,7 +58,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     and T is its mean.
     """
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(locator_of(disk, taylor).rotations)
+    fold = rotation_fold(locator_of(disk, taylor).rotating_family)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [

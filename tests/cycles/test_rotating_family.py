@@ -8,7 +8,8 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.cycles.branch import found, rotating_branch
+from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import BOTTOM, ROTATING
@@ -21,7 +22,7 @@ _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 
 @pytest.fixture(scope="module")
 def family(taylor) -> RotatingFamily:
-    return locator_of(PRINTED, taylor).rotations
+    return locator_of(PRINTED, taylor).rotating_family
 
 
 def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family) -> None:
@@ -44,8 +45,8 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     ]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        (alone,) = locator_of(PRINTED, taylor).rotating(Fraction(omega), stable=side).cycles()
-        for name in ROTATING.numbers:
+        (alone,) = locator_of(PRINTED, taylor).rotating_at(Fraction(omega), stable=side).cycles()
+        for name in number_names(ROTATING):
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
                 name,
@@ -67,16 +68,16 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     """
     disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
     known = locator_of(disk, taylor)
-    family = known.rotations
+    family = known.rotating_family
     fold = family.near_fold()
     assert fold.omega < family.omega_h
     family.reach(float(family.omega_h) + 1)
-    assert family.falls == [True, False]
+    assert family.omega_falls == [True, False]
     for omega, stable in (
         ((fold.omega + float(family.omega_h)) / 2, True),
         (float(family.omega_h) + 0.5, False),
     ):
-        (cycle,) = known.rotating(Fraction(omega), stable=stable).cycles()
+        (cycle,) = known.rotating_at(Fraction(omega), stable=stable).cycles()
         (place,) = family.followed_places(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         # A place on a family is a start for shooting, with some digits; another cycle is off by 1e-2.
@@ -97,4 +98,4 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
 def test_speeds_below_the_fold_are_refused(taylor) -> None:
     missing, *cycles = rotating_branch(PRINTED, taylor, [30.001 + 0.01 * n for n in range(100)])
     assert "fold near" in missing.status
-    assert len(found(cycles)) == len(cycles) > 99
+    assert len(cycles_found(cycles)) == len(cycles) > 99

@@ -11,9 +11,9 @@ import pytest
 from tippedisk_verify.audit.catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.catalogue import EXHIBITS
-from tippedisk_verify.figures.disk import points_of
+from tippedisk_verify.figures.eigenvalues import eigenvalue_rows
 from tippedisk_verify.figures.family import law_rows
-from tippedisk_verify.figures.local import eigenvalue_rows
+from tippedisk_verify.figures.inversion import points_of
 from tippedisk_verify.figures.state_space import last_turn
 from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.model.measured import Measured

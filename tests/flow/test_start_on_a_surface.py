@@ -13,6 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import (
     FLAT,
     SECTION,
@@ -22,7 +23,6 @@ from tippedisk_verify.flow.contract import (
     Request,
     Status,
 )
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction

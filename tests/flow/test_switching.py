@@ -11,8 +11,8 @@ import pytest
 from tests.problems import STARTS
 from tippedisk_verify.flow import switching
 from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE

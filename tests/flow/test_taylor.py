@@ -13,7 +13,7 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow import compiled
+from tippedisk_verify.flow import compiled_runners
 from tippedisk_verify.flow.contract import (
     FLAT,
     SECTION,
@@ -162,7 +162,7 @@ def test_invalid_requests_are_refused(taylor: Taylor, change, word) -> None:
 # ------------------------------------------------------------------------------------- what is kept
 @pytest.fixture
 def three_kept(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "_MAX_KEPT", 3)
+    monkeypatch.setattr(compiled_runners, "_MAX_KEPT", 3)
 
 
 def _tolerances(count: int, friction: Friction = "linear", **options: Any) -> list[Request]:

@@ -12,10 +12,10 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import compiled, default_engine, default_lanes
+from tippedisk_verify.flow import compiled_runners, default_engine, default_lanes
 from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
@@ -89,7 +89,7 @@ def _requests(count: int) -> list[Request]:
 
 def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Check that an integrator that is removed during a run finishes it, and is compiled again."""
-    monkeypatch.setattr(compiled, "_MAX_KEPT", 2)
+    monkeypatch.setattr(compiled_runners, "_MAX_KEPT", 2)
     shared = Taylor()
     _assert_as_alone([lambda one=one: _bytes(shared(one)) for one in _requests(8)], 4)
     assert len(shared.builds) <= 2

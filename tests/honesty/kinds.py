@@ -15,6 +15,7 @@ from reference_data.make.local import hopf_by_balance
 from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.cycles.cycles_by_whole_flights import fixed_point_near
 from tippedisk_verify.cycles.error_budget import cycle_numbers
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -22,7 +23,6 @@ from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
-from tippedisk_verify.cycles.whole_flight_cycles import fixed_point_near
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes

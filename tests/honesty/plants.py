@@ -22,13 +22,13 @@ __all__ = ["PLANTS", "planted"]
 
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
-    "flow.error_estimate:_Run._half_widths": "flow",
-    "flow.comparison:_half_widths": "half periods",
+    "flow.error_estimate:_RunWithError._half_widths": "flow",
+    "flow.wider_run:_half_widths": "half periods",
     "cycles.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.interpolant:FamilyInterpolant.half_widths": "branch",
-    "cycles.whole_flight_cycles:with_speed": "next to Omega_h",
-    "cycles.passage_cycles:_measured": "by passages",
+    "cycles.cycles_by_whole_flights:with_speed": "next to Omega_h",
+    "cycles.cycles_by_passages:_measured": "by passages",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.period_continuation:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",

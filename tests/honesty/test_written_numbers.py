@@ -13,7 +13,8 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, rows_of
-from tippedisk_verify.connection.heteroclinic import _GAMMA_TOP, _START_DISTANCE
+from tippedisk_verify.connection.heteroclinic import _START_DISTANCE
+from tippedisk_verify.flow.contract import GAMMA_TOP
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -118,7 +119,7 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     disk = tv.Disk("table1", friction=friction)
     omega_h = disk.heteroclinic(digits=45).omega_h.value
     start = Saddle(disk, omega_h, 220, 8).start_on_branch(_START_DISTANCE)
-    found = disk.integrate(omega_h, start, 4, events=_GAMMA_TOP, shifted=True, digits=36)
+    found = disk.integrate(omega_h, start, 4, events=GAMMA_TOP, shifted=True, digits=36)
     middle = tv.exact(found.events[0].time).rational
     times = [Fraction(row["t"]) + middle for row in rows]
     times[0] = max(times[0], Fraction(0))

@@ -9,7 +9,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer
-from tippedisk_verify.cycles.at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, classified_lanes

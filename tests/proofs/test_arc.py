@@ -17,9 +17,9 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
-from tippedisk_verify.proofs.kernel import certificates, curves
+from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.curves import UNKNOWNS, Arc, arc_test
+from tippedisk_verify.proofs.kernel.half_map_of_curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.numbers import measured
 from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
@@ -40,7 +40,7 @@ def cycle(s: Fraction) -> CycleProof:
 
 def curve(
     radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), half: str = HALF
-) -> curves.Curve:
+) -> half_map_of_curves.Curve:
     """A line through a start, by default the cycle's, with deviations in all three numbers."""
     middle = [ball(part).mid() for part in start]
     slopes = [ball(radius) * factor for factor in (-3, 2, 1)]
@@ -49,15 +49,17 @@ def curve(
         for part, slope in zip(middle, slopes, strict=True)
     ]
     total = Jet([ball(half).mid(), ball(radius).mid(), *[arb(0)] * (degree - 1)])
-    return curves.Curve(jets[0], jets[1], jets[2], [arb(0, ball(spread))] * 3, total)
+    return half_map_of_curves.Curve(jets[0], jets[1], jets[2], [arb(0, ball(spread))] * 3, total)
 
 
 @lru_cache(maxsize=1)
-def flown() -> tuple[curves.Curve, curves.CurveFlight, list[dict[str, Any]]]:
+def flown() -> tuple[
+    half_map_of_curves.Curve, half_map_of_curves.CurveFlight, list[dict[str, Any]]
+]:
     """A curve with deviations in all three numbers, its flight and the flight's log."""
     with working_precision(64):
         line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), StepSearch()
-        return line, curves.fly(ball_constants(WIDE), line, choices), choices.log
+        return line, half_map_of_curves.fly(ball_constants(WIDE), line, choices), choices.log
 
 
 @pytest.mark.slow(minutes=0.3)
@@ -138,7 +140,9 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):
-        again = curves.fly(ball_constants(WIDE), line, curves.CurveReplay(log))
+        again = half_map_of_curves.fly(
+            ball_constants(WIDE), line, half_map_of_curves.CurveReplay(log)
+        )
         assert all(
             a.overlaps(b) and a.contains(b)
             for a, b in zip(again.own_time.c, flight.own_time.c, strict=True)
@@ -147,12 +151,14 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
             with pytest.raises(certificates.Unproved, match=said):
-                curves.fly(ball_constants(WIDE), line, curves.CurveReplay(spoiled))
+                half_map_of_curves.fly(
+                    ball_constants(WIDE), line, half_map_of_curves.CurveReplay(spoiled)
+                )
 
 
 def test_a_flight_ends_where_the_disk_lies_flat() -> None:
     with working_precision(64), pytest.raises(certificates.Unproved, match="upright"):
-        curves.fly(
+        half_map_of_curves.fly(
             ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch()
         )
 
@@ -161,13 +167,15 @@ def test_a_flight_ends_where_the_disk_lies_flat() -> None:
 def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
-    polynomials, half = family_polynomials(constants, start, length, 2, ball(HALF), curves.Curve)
+    polynomials, half = family_polynomials(
+        constants, start, length, 2, ball(HALF), half_map_of_curves.Curve
+    )
     deviation = [arb(0), arb(0), arb(0)]
     for k in UNKNOWNS:
         deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
-    return arc_test(constants, curves.Curve(g, v, omega, deviation, half), StepSearch())
+    return arc_test(constants, half_map_of_curves.Curve(g, v, omega, deviation, half), StepSearch())
 
 
 @pytest.mark.slow

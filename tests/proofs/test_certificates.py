@@ -25,8 +25,12 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import certificates, krawczyk, sliding
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    dyadic,
+    dyadic_text,
+    require_within_claim,
+)
 from tippedisk_verify.proofs.kernel.certificates import proved
-from tippedisk_verify.proofs.kernel.reading import dyadic, dyadic_text, require_within_claim
 from tippedisk_verify.proofs.kernel.series import System
 from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold

@@ -110,8 +110,8 @@ class Meddling(Steps):
             row[:] = [entry / 1024 for entry in row]
         return chosen
 
-    def took(self, step: Any, axes: Any) -> None:
-        super().took(step, [[*row] for row in axes])
+    def step_taken(self, step: Any, axes: Any) -> None:
+        super().step_taken(step, [[*row] for row in axes])
         for row in axes:
             row[:] = [entry / 1024 for entry in row]
 

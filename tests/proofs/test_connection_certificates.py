@@ -21,10 +21,10 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
+from tippedisk_verify.proofs.kernel.certificate_format import dyadic
 from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, proved
 from tippedisk_verify.proofs.kernel.certificates.connection import _departure
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
-from tippedisk_verify.proofs.kernel.reading import dyadic
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 

@@ -14,7 +14,7 @@ import pytest
 from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
-from tippedisk_verify.cycles.at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import limit_cycle

@@ -17,8 +17,8 @@ import pytest
 from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
-from tippedisk_verify.cycles.at_speed import cycle_at
 from tippedisk_verify.cycles.branch import family
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
@@ -27,10 +27,10 @@ from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
 from tippedisk_verify.proofs.kernel.certificates import check
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
-from tippedisk_verify.proofs.kernel.curves import fly
 from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.half_map_of_curves import fly
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.scaled import ScaledCurve, ScaledModel
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family_intervals as search
 from tippedisk_verify.proofs.search.certificate import parameter_texts
@@ -100,7 +100,7 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
             rates(*state)[2] + rates(*state)[0] * rates(*state)[0],
         )
 
-    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled.field", crooked)
+    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
         ScaledModel(equations.constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
@@ -336,7 +336,7 @@ def test_the_whole_of_the_printed_disk(tmp_path) -> None:
         True,
     )
     proved = [read_piece(entry) for entry in said["arcs"]]
-    assert search.chain(proved) == proved
+    assert search.connected_pieces(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
         """Whether a cycle is one of the arcs', or next to the connection."""

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.shooting import limit_cycle
@@ -97,7 +97,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
 
 @pytest.mark.slow(minutes=0.5)
 def test_rotating_folds_are_proved(taylor) -> None:
-    fold = rotation_fold(locator_of(PRINTED, taylor).rotations, digits=30)
+    fold = rotation_fold(locator_of(PRINTED, taylor).rotating_family, digits=30)
     proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=TURN)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

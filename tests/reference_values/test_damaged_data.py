@@ -157,7 +157,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     path.write_text("\n".join(rows))
     whole, content = read_answers(path, store), path.read_bytes()
     assert len(whole.given) == len(asked)
-    assert not whole.altered
+    assert not whole.altered_entries
     for _ in range(100):
         question = draw.choice(filled)
         at = content.index(question) + draw.randrange(len(question))
@@ -169,7 +169,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
         except InputError:
             ends["told"] += 1
             continue
-        if found.altered or found.unknown or found.repeated or found.short:
+        if found.altered_entries or found.unknown or found.repeated or found.short_rows:
             ends["told"] += 1
         else:
             ends["as before" if found.given == whole.given else "silent"] += 1

@@ -20,7 +20,7 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, entries_of
 from tippedisk_verify.reference_values.entries import case_of
-from tippedisk_verify.reference_values.store import Store, codebook, stored
+from tippedisk_verify.reference_values.store import Store, quantity_definitions, stored
 
 SETS = ("table1", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
@@ -41,7 +41,7 @@ def _bytes(folder: Path) -> dict[str, bytes]:
 
 # --------------------------------------------------------------------------- questions and methods
 def test_each_kind_has_the_methods_of_the_table() -> None:
-    assert list(CONFIRM) == list(codebook())
+    assert list(CONFIRM) == list(quantity_definitions())
     for kind, methods in CONFIRM.items():
         assert list(methods_of(kind))[1:] == list(methods)
     for quantity in stored().values():

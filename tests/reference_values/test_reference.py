@@ -25,8 +25,14 @@ from tippedisk_verify.reference_values.checking import StoredItem, check, entrie
 from tippedisk_verify.reference_values.entries import as_doubles, case_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.store import Store, codebook, data_folder, stored, table_rows
-from tippedisk_verify.reference_values.truths import shot
+from tippedisk_verify.reference_values.store import (
+    Store,
+    data_folder,
+    quantity_definitions,
+    stored,
+    table_rows,
+)
+from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 SETS = ("table1", "calibrated")
 
@@ -46,7 +52,7 @@ def test_the_files_are_those_of_the_manifest_and_of_the_form_of_the_schema() -> 
 
 def test_every_kind_is_there_for_every_set(store: Store) -> None:
     kinds = {(quantity.kind, quantity.set) for quantity in store.values()}
-    assert kinds == {(kind, name) for kind in codebook() for name in SETS}
+    assert kinds == {(kind, name) for kind in quantity_definitions() for name in SETS}
     laws = {(quantity.kind, quantity.friction) for quantity in store.values()}
     for kind in (
         "rhs",
@@ -175,7 +181,7 @@ def test_what_takes_an_integrator_agrees_computed_again(kind: str, store: Store)
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
     (entry,) = entries_of(store, f"table1/linear/{id_}/")
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
-    found = shot(case, values, Baseline())
+    found = shoot_known_cycle(case, values, Baseline())
     names = found.return_map.section.names
     # SciPy's tolerance is 1e-13
     assert found.point == pytest.approx([values[name] for name in names], rel=1e-10)

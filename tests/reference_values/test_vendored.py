@@ -19,9 +19,9 @@ from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export
 from tippedisk_verify.reference_values.questions import TABLE
 from tippedisk_verify.reference_values.store import (
-    codebook,
     data_folder,
     definition_of,
+    quantity_definitions,
     stored,
     table_rows,
 )
@@ -233,7 +233,7 @@ def test_every_quantity_is_defined_where_it_is_shown() -> None:
     id_ = "table1/linear/trajectory/d1/crossing_time#3"
     assert "time of the n-th crossing of beta = pi/2" in printed(f"reference show {id_}")
     (one,) = answer(f"reference show {id_}")["values"]
-    assert one["definition"] == codebook()["trajectory"]["crossing_time"].meaning
+    assert one["definition"] == quantity_definitions()["trajectory"]["crossing_time"].meaning
 
 
 def test_the_one_harmonic_law_is_the_documents() -> None:

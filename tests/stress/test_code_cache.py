@@ -32,7 +32,7 @@ def _done(path: Path, *commands: str) -> list[Any]:
 
 
 def _is_noted(path: Path) -> bool:
-    return path.with_name("cache.db-sound").read_bytes() == code_cache._stamp(path)
+    return path.with_name("cache.db-sound").read_bytes() == code_cache._file_state(path)
 
 
 def _spoil_code(path: Path, draw: random.Random) -> None:

@@ -15,7 +15,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.stress.battery import CASES
-from tippedisk_verify.stress.case import Found, StressCase, StressResult, flown, refused
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, StressResult, flown, refused
 
 
 @pytest.mark.slow(minutes=2.5)
@@ -44,10 +44,10 @@ def test_a_wrong_claim_does_not_pass() -> None:
 
 
 def test_what_is_unforeseen_never_passes() -> None:
-    def broken() -> Found:
+    def broken() -> CaseOutcome:
         raise ZeroDivisionError("by accident")
 
-    def short() -> Found:
+    def short() -> CaseOutcome:
         raise AccuracyError("not this close")
 
     outcome = StressResult.of(
@@ -57,7 +57,7 @@ def test_what_is_unforeseen_never_passes() -> None:
     assert "by accident" in outcome.note
     assert StressResult.of(StressCase("x", "x", short, may=("AccuracyError",))).passed
     assert not StressResult.of(StressCase("x", "x", short, 3)).passed
-    assert not StressResult.of(StressCase("x", "x", lambda: Found("digits", 2.9), 3)).passed
+    assert not StressResult.of(StressCase("x", "x", lambda: CaseOutcome("digits", 2.9), 3)).passed
     assert not refused(lambda: 1, InputError).honest
 
 

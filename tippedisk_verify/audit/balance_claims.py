@@ -84,7 +84,7 @@ def _expansion(
     )
 
 
-_DROPPED = "the cubic term of gamma_bar' = Omega sin(beta_bar)"
+_MISSING_TERM = "the cubic term of gamma_bar' = Omega sin(beta_bar)"
 _CHI_IS_RIGHT = "the paper's chi follows from the correct term, not from the printed one"
 
 
@@ -182,7 +182,9 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r" + (r+e)^2\omega^2"
         ),
         fault=Fault(
-            "follows-from", _DROPPED, "the middle term is e (r + e) Omega^2, without the factor 3/2"
+            "follows-from",
+            _MISSING_TERM,
+            "the middle term is e (r + e) Omega^2, without the factor 3/2",
         ),
     ),
     Claim(
@@ -192,7 +194,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "-(1/8) (r - e)/(r + e) Omega^2",
         partial(_balance_constant, "delta"),
         formula=r"\delta = -\frac{1}{8}\,\frac{r-e}{r+e}\,\Omega^2",
-        fault=Fault("follows-from", _DROPPED, "delta = -(1/8) r/(r + e) Omega^2"),
+        fault=Fault("follows-from", _MISSING_TERM, "delta = -(1/8) r/(r + e) Omega^2"),
     ),
     Claim(
         "chi",
@@ -220,7 +222,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r" + \mathcal{O}(C^4)"
         ),
         fault=Fault(
-            "follows-from", _DROPPED, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"
+            "follows-from", _MISSING_TERM, "C is C + O(C^3) with Bbar e^2/(2 (r + e)) added to chi"
         ),
         figures=("branch",),
     ),
@@ -236,7 +238,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r"\frac{\bar{B}r\Omega^2 - m g(r+e)^2}{\chi\Omega^2 + m g e(r+e)}\right)}"
         ),
         fault=Fault(
-            "follows-from", _DROPPED, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"
+            "follows-from", _MISSING_TERM, "r - e becomes r, with Bbar e^2/(2 (r + e)) added to chi"
         ),
         figures=("branch",),
     ),

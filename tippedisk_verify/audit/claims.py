@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
-from tippedisk_verify.cycles.branch import family, found
+from tippedisk_verify.cycles.branch import cycles_found, family
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
@@ -43,9 +43,9 @@ __all__ = [
     "Verdict",
     "examined",
     "number",
+    "printed_word",
     "rounds_to",
     "sets_with",
-    "word",
 ]
 
 T = TypeVar("T")
@@ -259,7 +259,7 @@ class Audit(Printable):
             name: The set's name.
         """
         return self._once(
-            ("family", name), lambda: tuple(found(family(self._set(name), self.engine)))
+            ("family", name), lambda: tuple(cycles_found(family(self._set(name), self.engine)))
         )
 
     def panel(self, scene: str, name: str) -> Panel:
@@ -319,7 +319,7 @@ def examined(audit: Audit, claim: Claim) -> Finding:
     return Finding(computed, holds, "; ".join(filter(None, notes)))
 
 
-def word(compute: Callable[[Audit, str], str]) -> Examination:
+def printed_word(compute: Callable[[Audit, str], str]) -> Examination:
     """Return a function that examines a printed word of the paper: the computed word must be the
     same.
     """

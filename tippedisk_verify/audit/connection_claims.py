@@ -97,15 +97,15 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """
     ctx = bits(400).context
     rates = field(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), audit.parameters.friction)
-    apart = ctx.mpf(0)
+    difference = ctx.mpf(0)
     for beta, gamma, v in (
         (ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)),
         (ctx.mpf("1.7"), ctx.mpf("-1.5"), ctx.mpf("0.3")),
     ):
         pairs = zip(rates(beta, gamma, v), rates(beta, gamma + 2 * ctx.pi, v), strict=True)
-        apart = max(apart, *(abs(a - b) for a, b in pairs))
+        difference = max(difference, *(abs(a - b) for a, b in pairs))
     # The bound leaves a factor 2^100 for the derivatives, which multiply the angles' rounding.
-    return f"the field differs by {float(apart):.0e}", apart < 2.0**-300
+    return f"the field differs by {float(difference):.0e}", difference < 2.0**-300
 
 
 def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
@@ -125,13 +125,13 @@ def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
         outcome = "one method finds a connection, the other none" if ends else "no connection"
         return outcome, not ends, "; ".join(without)
     splitting, limit = ends
-    apart = abs(splitting.value - limit.value)
+    difference = abs(splitting.value - limit.value)
     note = (
-        f"the manifolds' splitting and the limit of the limit cycles lie {float(apart):.1e} rad/s "
+        f"the manifolds' splitting and the limit of the limit cycles lie {float(difference):.1e} rad/s "
         f"apart, with"
         f" half-widths of {float(splitting.uncertainty):.1e} and {float(limit.uncertainty):.1e}"
     )
-    return splitting, apart <= splitting.uncertainty + limit.uncertainty, note
+    return splitting, difference <= splitting.uncertainty + limit.uncertainty, note
 
 
 CONNECTION_CLAIMS: tuple[Claim, ...] = (

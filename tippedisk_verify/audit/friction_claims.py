@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
-from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.flow.contract import Engine
@@ -80,12 +80,15 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     constants = parameters.at(DOUBLE)
     sliding = terms(numpy, constants, float(linear.omega), *states).sliding_velocity
     share = float(numpy.abs(sliding).max()) / constants.epsilon
-    apart = abs(float(smooth.period.value / linear.period.value) - 1)
+    difference = abs(float(smooth.period.value / linear.period.value) - 1)
     certain = (
         abs(smooth.period.value - linear.period.value)
         > smooth.period.uncertainty + linear.period.uncertainty
     )
-    return f"T differs by {100 * apart:.3f} %, |gamma_y| up to {share:.3f} epsilon", not certain
+    return (
+        f"T differs by {100 * difference:.3f} %, |gamma_y| up to {share:.3f} epsilon",
+        not certain,
+    )
 
 
 def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:

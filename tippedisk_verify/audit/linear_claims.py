@@ -14,8 +14,8 @@ from tippedisk_verify.audit.claims import (
     ProofOffer,
     Theorem,
     number,
+    printed_word,
     rounds_to,
-    word,
 )
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.exact import quotient
@@ -188,7 +188,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        word(_square_of_sine),
+        printed_word(_square_of_sine),
         methods=("reading", "closed form"),
         fault=Fault(
             "slip",
@@ -229,7 +229,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
-        word(_friction_free),
+        printed_word(_friction_free),
         note=(
             "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of "
             "the same speed (exact)"
@@ -272,7 +272,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        word(_critical_pair),
+        printed_word(_critical_pair),
         methods=("reading", "eigenvalues at 20 digits"),
         fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",
@@ -288,7 +288,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "inverted spinning is stable above Omega_crit",
         "stable",
-        word(partial(_stability, "inverted", (1,))),
+        printed_word(partial(_stability, "inverted", (1,))),
         note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_i < 0 \quad\text{for}\quad \Omega > \Omega_\text{crit}",
         proof=ProofOffer(EVERY_SPEED, "asymptotic stability at every speed above Omega_crit"),
@@ -298,7 +298,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "inverted spinning is unstable below Omega_crit",
         "unstable",
-        word(partial(_stability, "inverted", (-1,))),
+        printed_word(partial(_stability, "inverted", (-1,))),
         note=_EIGHT_SPEEDS,
         formula=r"\Re\lambda_{1,2} > 0 \quad\text{for}\quad \Omega < \Omega_\text{crit}",
         proof=ProofOffer(EVERY_SPEED, "instability at every speed below Omega_crit"),
@@ -308,7 +308,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "sec:linear_stab3DOF",
         "noninverted spinning is always unstable",
         "unstable",
-        word(partial(_stability, "noninverted", (-1, 1))),
+        printed_word(partial(_stability, "noninverted", (-1, 1))),
         note=_EIGHT_SPEEDS,
         formula=r"\max_i \Re\lambda_i > 0 \quad\text{at}\quad (\pi/2,\,-\pi/2,\,0)",
         proof=ProofOffer(EVERY_SPEED, "instability at every speed"),

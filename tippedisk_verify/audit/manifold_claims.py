@@ -6,7 +6,7 @@ import math
 from fractions import Fraction
 from functools import partial
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, word
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, printed_word
 from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -161,7 +161,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "eq:slow_manifold_tippdisk+4",
         "the asymptotic behaviour is governed by a reduced three-dimensional system",
         "three-dimensional",
-        word(_slow_variables),
+        printed_word(_slow_variables),
         methods=("eigenvalues at 20 digits",),
         fault=Fault(
             "slip",

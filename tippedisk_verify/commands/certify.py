@@ -1,4 +1,4 @@
-"""The commands of `certify`: proofs by ball arithmetic, and the check of certificates.
+"""The commands `certify equilibria|hopf|orbit|heteroclinic|branch|check`: proofs and their check.
 
 The exit status is 0 if the statement is proved, 1 if the proof stopped (the status names the
 place), and 2 for bad input.

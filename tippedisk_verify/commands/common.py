@@ -34,7 +34,6 @@ __all__ = [
     "Common",
     "Output",
     "alone_in",
-    "at_a_speed",
     "below_crit_option",
     "certificate_option",
     "checked",
@@ -235,21 +234,6 @@ certificate_option = click.option(
 )
 
 
-def at_a_speed(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Decorate a command with --omega and --below-crit.
-
-    The function gets ``omega``, the exact rational [rad/s] that either option gives.
-    """
-
-    @wraps(function)
-    def with_speed(
-        common: Common, omega: str | None, below_crit: str | None, **options: Any
-    ) -> Any:
-        return function(common, omega=common.speed(omega, below_crit), **options)
-
-    return omega_option(below_crit_option(with_speed))
-
-
 def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Return a decorator that makes a command of a function.
 
@@ -282,7 +266,7 @@ def _command(
     names = [option.name for option in shared]
 
     @wraps(function)
-    @undisturbed
+    @undisturbed()
     def run(**options: Any) -> int:
         output = make_output(**{str(name): options.pop(str(name)) for name in names})
         return output.finish(function(output, **options))

@@ -1,4 +1,4 @@
-"""The commands of `conformance`, which ask, grade and compare programs."""
+"""The commands `conformance questions|grade|run|compare`, which ask, grade and compare programs."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
-from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.interrupts import cleaning_up
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
     from tippedisk_verify.conformance.sheet import Answers
     from tippedisk_verify.progress import Advance
-    from tippedisk_verify.reference_values.store import Quantity, Store
+    from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["COMMANDS"]
 
@@ -45,12 +45,12 @@ def _known_reading(reading: str) -> str:
     return reading
 
 
-def _together(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+def _combined_options(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
     """Combine the decorators of several options into one."""
     return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
 
 
-_question_options = _together(
+_question_options = _combined_options(
     click.option(
         "--set",
         "set_",
@@ -87,7 +87,7 @@ _from_option = click.option(
     metavar="decimals|doubles",
     help="How the answers read their inputs, if the sheet does not say so.",
 )
-_grading_options = _together(
+_grading_options = _combined_options(
     click.option(
         "--html",
         callback=file_for(".html", ".htm"),
@@ -198,7 +198,7 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
 
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
-    wanted = _Wanted.checked(store, **grading)
+    wanted = _RequestedOutput.checked(store, **grading)
     asked = [
         quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets
     ]
@@ -251,7 +251,7 @@ def run(
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = stored()
-    wanted = _Wanted.checked(store, **grading)
+    wanted = _RequestedOutput.checked(store, **grading)
     blank = _blank_ones(states, seed, set_)
     asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
     first = chosen(blank or store, sets=set_, levels=(1,))[0]
@@ -268,7 +268,7 @@ def run(
             if folder is not None and interview.rows:
                 write_text(folder / "answers.jsonl", interview.sheet())
 
-        with undoing(keep), output.progress(len(asked)) as advance:
+        with cleaning_up(keep), output.progress(len(asked)) as advance:
             try:
                 interview.conduct(asked, first, advance)
             finally:
@@ -367,7 +367,7 @@ def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> St
 
 
 @dataclass(frozen=True)
-class _Wanted:
+class _RequestedOutput:
     """The files that a command is to write, and the grades that it requires."""
 
     page: Path | None
@@ -385,7 +385,7 @@ class _Wanted:
         badge: Path | None,
         require: tuple[int, ...] | None,
         expected_failures: str | None,
-    ) -> _Wanted:
+    ) -> _RequestedOutput:
         """Check the options of a command about files and required grades, and return them as one
         object.
 
@@ -403,7 +403,7 @@ class _Wanted:
         self,
         output: Output,
         store: Store,
-        asked: Sequence[Quantity],
+        asked: Sequence[ReferenceValue],
         grades: Sequence[Grade],
         answers: Answers,
         source: str,

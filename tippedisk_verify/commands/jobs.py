@@ -10,7 +10,7 @@ import click
 
 from tippedisk_verify.commands.common import checked
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.interrupts import cleaning_up
 from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | N
         return
     from tippedisk_verify.commands.workers import Pool, kill_workers
 
-    with undoing(kill_workers), Pool(workers) as pool:
+    with cleaning_up(kill_workers), Pool(workers) as pool:
         yield pool
 
 

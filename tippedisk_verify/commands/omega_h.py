@@ -1,4 +1,4 @@
-"""The command about Omega_h: the speed itself, the connecting orbit, and the cycles next to it."""
+"""The command `heteroclinic`: Omega_h, the connecting orbit, and the study next to Omega_h."""
 
 from __future__ import annotations
 

@@ -1,9 +1,10 @@
-"""The commands about one disk: its states, cycles and motion."""
+"""The commands `integrate`, `equilibria`, `hopf`, `slow-manifold`, `orbit`, `harmonic-balance`,
+`branch` and `basin`, about one disk.
+"""
 
 from __future__ import annotations
 
 from contextlib import suppress
-from fractions import Fraction
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,6 @@ from tippedisk_verify.commands.common import (
     MOTION,
     Common,
     alone_in,
-    at_a_speed,
     below_crit_option,
     decimal,
     disk_command,
@@ -53,7 +53,8 @@ _STATES = ("inverted", "noninverted")
     "Integrate one motion, with half-widths of its states and events, at 201 even times "
     "if none are given."
 )
-@at_a_speed
+@omega_option
+@below_crit_option
 @click.option(
     "--state",
     required=True,
@@ -91,7 +92,8 @@ _STATES = ("inverted", "noninverted")
 )
 def integrate(
     common: Common,
-    omega: Fraction,
+    omega: str | None,
+    below_crit: str | None,
     state: str,
     time: str,
     times: str | None,
@@ -102,7 +104,7 @@ def integrate(
 ) -> int:
     ends = time.split(",")
     solution = common.disk.integrate(
-        omega,
+        common.speed(omega, below_crit),
         state.split(","),
         ends if len(ends) > 1 else time,
         t_eval=None if times is None else _times(times, ends),
@@ -160,10 +162,12 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
 
 
 @disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
-@at_a_speed
-def equilibria(common: Common, omega: Fraction) -> dict[str, Any]:
+@omega_option
+@below_crit_option
+def equilibria(common: Common, omega: str | None, below_crit: str | None) -> dict[str, Any]:
+    speed = common.speed(omega, below_crit)
     return {
-        name: common.disk.equilibrium(name, omega, digits=common.digits).to_dict()
+        name: common.disk.equilibrium(name, speed, digits=common.digits).to_dict()
         for name in _STATES
     }
 
@@ -273,15 +277,19 @@ def orbit(
 @disk_command(
     "Compute a limit cycle by harmonic balance of the full equations, without an integrator."
 )
-@at_a_speed
+@omega_option
+@below_crit_option
 @click.option(
     "--harmonics",
     type=int,
     metavar="N",
     help="Number of odd harmonics; chosen for the digits if not given.",
 )
-def harmonic_balance(common: Common, omega: Fraction, harmonics: int | None) -> Any:
-    return common.disk.harmonic_balance(omega, harmonics=harmonics, digits=common.digits)
+def harmonic_balance(
+    common: Common, omega: str | None, below_crit: str | None, harmonics: int | None
+) -> Any:
+    speed = common.speed(omega, below_crit)
+    return common.disk.harmonic_balance(speed, harmonics=harmonics, digits=common.digits)
 
 
 @disk_command(
@@ -372,7 +380,8 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     "Compute what each of many initial states ends on: fractions with sampling errors, "
     "and a picture."
 )
-@at_a_speed
+@omega_option
+@below_crit_option
 @click.option(
     "--count",
     type=int,
@@ -406,7 +415,8 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
 @jobs_option
 def basin(
     common: Common,
-    omega: Fraction,
+    omega: str | None,
+    below_crit: str | None,
     count: int,
     seconds: float,
     velocity: float,
@@ -414,23 +424,23 @@ def basin(
     out: str | None,
     jobs: int | None,
 ) -> Any:
-    disk = common.disk
+    disk, speed = common.disk, common.speed(omega, below_crit)
     if margin is not None:
         if len(start := margin.split(",")) != 3:
             raise InputError(f"a start is three numbers, beta,gamma,v, not '{margin[:60]}'")
-        distance = disk.basin_boundary(omega).margin([DOUBLE.number(part) for part in start])
+        distance = disk.basin_boundary(speed).margin([DOUBLE.number(part) for part in start])
         return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
     folder = alone_in(out)
     with processes(jobs, needed=count >= 10_000) as pool:
         how = {"count": count, "duration": seconds, "v": velocity, "executor": pool}
-        plane = disk.basins(omega, progress=not common.quiet, **how)
+        plane = disk.basins(speed, progress=not common.quiet, **how)
     if folder is not None:
         from tippedisk_verify.figures.basins import draw_basins
         from tippedisk_verify.figures.style import save
 
         boundary = None
         with suppress(InputError, AccuracyError):  # no boundary below the rotating cycles' fold
-            boundary = disk.basin_boundary(omega)
+            boundary = disk.basin_boundary(speed)
         save(draw_basins(plane, boundary), folder, "basins")
         write_csv(
             folder / "basins.csv",

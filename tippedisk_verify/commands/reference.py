@@ -17,7 +17,7 @@ from tippedisk_verify.commands.jobs import jobs_option, processes
 from tippedisk_verify.model.results import heading
 
 if TYPE_CHECKING:
-    from tippedisk_verify.reference_values.store import Quantity
+    from tippedisk_verify.reference_values.store import ReferenceValue
 
 __all__ = ["COMMANDS"]
 
@@ -111,7 +111,7 @@ def export(output: Output, prefix: str, format_: str, out: str) -> int:
     return 0
 
 
-def _lines(quantity: Quantity) -> Iterator[str]:
+def _lines(quantity: ReferenceValue) -> Iterator[str]:
     yield f"{quantity.id} [{quantity.unit}]"
     yield f"  is            {quantity.definition}"
     for reading, (value, uncertainty) in quantity.values.items():

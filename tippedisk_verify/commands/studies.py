@@ -1,4 +1,4 @@
-"""The commands for studies: sweeps, run time against error, hard cases."""
+"""The commands `sweep`, `bench` and `stress`: studies at many points, of run time, of hard cases."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ from multiprocessing import active_children, get_context, parent_process
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.interrupts import deaf_children, unbroken
+from tippedisk_verify.interrupts import children_without_ctrl_c, uninterrupted
 from tippedisk_verify.provenance import code_version
 
 __all__ = ["Checked", "Pool", "cluster", "kill_workers"]
@@ -48,12 +48,15 @@ class Pool(ProcessPoolExecutor):
             os.environ["PYTHONWARNINGS"] = f"{filters},{_QUIET}" if filters else _QUIET
         # Semaphores are made first and then registered with a process that outlives this one. An
         # interrupt in between would leave them behind.
-        with unbroken(), deaf_children():
+        with uninterrupted(), children_without_ctrl_c():
             super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Submit a call, without letting Ctrl-C interrupt the start of a process."""
-        with unbroken(), deaf_children():  # a process whose start is cut short prints a traceback
+        with (
+            uninterrupted(),
+            children_without_ctrl_c(),
+        ):  # a process whose start is cut short prints a traceback
             return super().submit(fn, *args, **kwargs)
 
     def __exit__(self, *fault: object) -> None:

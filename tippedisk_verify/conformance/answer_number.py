@@ -21,7 +21,7 @@ _MAX_ANSWER = 2_000  # characters of an answer; more than any value has
 _SIZE = r"(?:\d+(?:\.\d*)?|\.\d+)"
 _MANTISSA = rf"[+-]?{_SIZE}"
 _NUMBER = rf"{_MANTISSA}(?:[edq][+-]?\d+)?"
-_ANY = r"[ -~]*"  # ASCII, so that the rows below leave other characters to be named
+_ANY_TEXT = r"[ -~]*"  # ASCII, so that the rows below leave other characters to be named
 
 
 @cache
@@ -29,7 +29,7 @@ def _pattern(text: str) -> re.Pattern[str]:
     return re.compile(text, re.IGNORECASE | re.ASCII)
 
 
-_READ = (
+_NUMBER_FORMS = (
     _pattern(rf"(?P<mantissa>{_MANTISSA})(?:[edq](?P<exponent>[+-]?\d{{1,9}}))?"),
     # Fortran leaves out the letter before an exponent of three digits.
     _pattern(r"(?P<mantissa>[+-]?(?:\d+\.\d*|\.\d+))(?P<exponent>[+-]\d{3})"),
@@ -84,8 +84,8 @@ _REASONS = [
     # A number with other text, and several numbers.
     (rf"\(?(?:{_VALUE}\s*[+-]\s*)?[+-]?\s*(?:{_IMAGINARY}\s*\*?\s*)?{_I}\s*\)?", _COMPLEX),
     (rf"\(?(?:{_VALUE}\s*[+-]\s*)?[+-]?\s*{_I}\s*\*?\s*{_IMAGINARY}\s*\)?", _COMPLEX),
-    (rf"#c\({_ANY}\)|{_NUMBER}\s*:\+{_ANY}|\(\s*{_VALUE}\s*,\s*{_VALUE}\s*\)", _COMPLEX),
-    (rf"[\[(]?\s*{_NUMBER}\s*(?:±|\+/-|\+-|\\pm|pm)\s*{_SIZE}{_ANY}", _UNCERTAIN),
+    (rf"#c\({_ANY_TEXT}\)|{_NUMBER}\s*:\+{_ANY_TEXT}|\(\s*{_VALUE}\s*,\s*{_VALUE}\s*\)", _COMPLEX),
+    (rf"[\[(]?\s*{_NUMBER}\s*(?:±|\+/-|\+-|\\pm|pm)\s*{_SIZE}{_ANY_TEXT}", _UNCERTAIN),
     (rf"{_MANTISSA}\s*\(\d+(?:\.\d+)?\)(?:[edq][+-]?\d+)?", _UNCERTAIN),
     (rf"[\[(]\s*{_VALUE}\s*(?:[,;]|\.\.)\s*{_VALUE}\s*[\])]", _INTERVAL),
     (rf"{_NUMBER}\s*\.\.+\s*{_NUMBER}", _INTERVAL),
@@ -117,7 +117,7 @@ _REASONS = [
         "a difference, or an exponent without its letter; write it with e, as in 3.088e1",
     ),
     (rf"{_NUMBER}\s*[,;.]+", f"a number with a comma, a semicolon or a point behind it; {_ALONE}"),
-    (rf"{_NUMBER}(?:\s*[,;|]\s*|\s+){_NUMBER}{_ANY}", "more than one number; write one"),
+    (rf"{_NUMBER}(?:\s*[,;|]\s*|\s+){_NUMBER}{_ANY_TEXT}", "more than one number; write one"),
     # What programming languages write.
     (r"[+-]?0x[0-9a-f]*\.?[0-9a-f]*(?:p[+-]?\d+)?", "a hexadecimal number; write a decimal one"),
     (rf"{_MANTISSA}_?f(?:16|32|64|128)", _LITERAL),
@@ -126,22 +126,22 @@ _REASONS = [
         rf"{_MANTISSA}f(?:[+-]?\d+)?",
         "a number in single precision; compute in double precision, and write e for f",
     ),
-    (rf"[bru]?(['\"`]){_ANY}\d{_ANY}\1", "a number in quotes; write it without"),
+    (rf"[bru]?(['\"`]){_ANY_TEXT}\d{_ANY_TEXT}\1", "a number in quotes; write it without"),
     (
-        rf"[+-]?[a-z_][\w.:<>]*\s*[\[(]{_ANY}[\])]",
+        rf"[+-]?[a-z_][\w.:<>]*\s*[\[(]{_ANY_TEXT}[\])]",
         f"how a language shows a number; {_ALONE}, as repr(float(x)) does",
     ),
     (
-        rf"[a-z_]\w*\s*(?::=|=>|->|[:=])\s*{_ANY}\d{_ANY}",
+        rf"[a-z_]\w*\s*(?::=|=>|->|[:=])\s*{_ANY_TEXT}\d{_ANY_TEXT}",
         f"a number with a name before it; {_ALONE}",
     ),
-    (rf"[<>~=]+\s*{_ANY}\d{_ANY}", f"a bound, an estimate or a formula; {_ALONE}"),
-    (rf"[\[{{(]{_ANY}[\])}}]", f"a list, an array or a number in brackets; {_ALONE}"),
+    (rf"[<>~=]+\s*{_ANY_TEXT}\d{_ANY_TEXT}", f"a bound, an estimate or a formula; {_ALONE}"),
+    (rf"[\[{{(]{_ANY_TEXT}[\])}}]", f"a list, an array or a number in brackets; {_ALONE}"),
 ]
 #: Rows for the remaining texts, after characters beyond ASCII have been named.
-_REST = [
+_FALLBACK_REASONS = [
     (r"[^\d]*", "no digit in it; write a number, or leave it empty"),
-    (rf"{_NUMBER}\s*[^\d\s]{_ANY}", f"a number with more behind it; {_ALONE}"),
+    (rf"{_NUMBER}\s*[^\d\s]{_ANY_TEXT}", f"a number with more behind it; {_ALONE}"),
 ]
 
 
@@ -166,7 +166,7 @@ def as_decimal(text: str) -> Decimal:
     """
     if len(text) > _MAX_ANSWER:
         raise InputError("more characters than an answer has; write one number")
-    for form in _READ:
+    for form in _NUMBER_FORMS:
         if found := form.fullmatch(text):
             return Decimal(f"{found['mantissa']}e{found['exponent'] or 0}")
     if found := _INFINITE.fullmatch(text):
@@ -187,6 +187,6 @@ def _reason(text: str) -> str:
         name = unicodedata.name(strange, "a control character")
         return f"it has U+{ord(strange):04X}, {name}; write digits, point and signs in ASCII characters"
     return next(
-        (reason for row, reason in _REST if _pattern(row).fullmatch(text)),
+        (reason for row, reason in _FALLBACK_REASONS if _pattern(row).fullmatch(text)),
         "no decimal number; write one",
     )

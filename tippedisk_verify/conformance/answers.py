@@ -18,7 +18,7 @@ from tippedisk_verify.reference_values.store import Reading, stored
 __all__ = ["grade"]
 
 
-@undisturbed
+@undisturbed()
 def grade(
     answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None
 ) -> Report:

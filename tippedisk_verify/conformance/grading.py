@@ -28,7 +28,12 @@ from tippedisk_verify.reference_values.questions import (
     scale_of,
     slopes_of,
 )
-from tippedisk_verify.reference_values.store import Quantity, Reading, is_optional, optional_beside
+from tippedisk_verify.reference_values.store import (
+    Reading,
+    ReferenceValue,
+    is_optional,
+    optional_beside,
+)
 
 __all__ = [
     "FAILS_BELOW",
@@ -231,7 +236,7 @@ def digits_between(
     return min(max(0.0 - near, -99.0), most)
 
 
-def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
+def graded(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]:
     """Return a grade for each answer, in the order of the questions.
 
     Args:
@@ -243,7 +248,7 @@ def graded(answers: Answers, store: Mapping[str, Quantity]) -> list[Grade]:
         return [_grade(store[id_], *answers.given[id_]) for id_ in ids if id_ in answers.given]
 
 
-def _grade(quantity: Quantity, reading: str, text: str) -> Grade:
+def _grade(quantity: ReferenceValue, reading: str, text: str) -> Grade:
     def failed(verdict: str, note: str) -> Grade:
         return Grade(
             quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs
@@ -304,7 +309,7 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
-def levels_of(grades: Iterable[Grade], asked: Iterable[Quantity]) -> list[Tally]:
+def levels_of(grades: Iterable[Grade], asked: Iterable[ReferenceValue]) -> list[Tally]:
     """Count the grades by level: return the tallies of all levels that have questions, without
     optional ones.
 

@@ -15,7 +15,7 @@ from tippedisk_verify.conformance.sheet import Answers, Row, answer_line, collec
 from tippedisk_verify.dialogue import Program
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["Interview"]
 
@@ -41,7 +41,9 @@ class Interview:
         self._open: dict[str, None] = {}
         self._got: list[Row] = []
         self._noted: dict[str, tuple[int, str]] = {}  # other output: how often, and the first
-        self._times: list[tuple[Quantity, int, float]] = []  # question, answers, seconds, by entry
+        self._times: list[
+            tuple[ReferenceValue, int, float]
+        ] = []  # question, answers, seconds, by entry
         self._end = ""
 
     def exchange(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
@@ -72,7 +74,10 @@ class Interview:
         return self._got, seconds
 
     def conduct(
-        self, asked: Sequence[Quantity], first: Quantity, advance: Callable[[str, int], None]
+        self,
+        asked: Sequence[ReferenceValue],
+        first: ReferenceValue,
+        advance: Callable[[str, int], None],
     ) -> None:
         """Ask the program all questions in turn, grade the answers, and keep grades and times on
         this object.
@@ -142,7 +147,7 @@ class Interview:
         The questions about one state, trajectory or cycle are one entry. Their ids differ only in
         the last part. An entry without an answer other than null does not count.
         """
-        kinds: dict[tuple[int, str], list[tuple[Quantity, int, float]]] = {}
+        kinds: dict[tuple[int, str], list[tuple[ReferenceValue, int, float]]] = {}
         for timing in self._times:
             kinds.setdefault((timing[0].level, timing[0].kind), []).append(timing)
         return [

@@ -121,48 +121,48 @@ class Report(Printable):
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
-        said = list(self.noticed)
-        said += _remark(
+        remarks = list(self.noticed)
+        remarks += _remark(
             answers.undeclared,
             "answer does",
             "answers do",
             "not say from which inputs; graded as from doubles",
         )
-        said += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
-        said += _remark(
+        remarks += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
+        remarks += _remark(
             answers.repeated,
             "id",
             "ids",
             "answered more than once, such as {}; the first answer counts",
         )
         lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
-        said += _remark(answers.altered, "row does", "rows do", lost)
-        said += _remark(
+        remarks += _remark(answers.altered_entries, "row does", "rows do", lost)
+        remarks += _remark(
             answers.missing,
             "entry has",
             "entries have",
             "NaN or NA only, such as {}: counted as not answered",
         )
-        said += _remark(
-            answers.strange,
+        remarks += _remark(
+            answers.unknown_names,
             "column or name is",
             "columns or names are",
             "not known, and not read: {all}",
         )
-        said += self._unread()
-        said += self._tolerance()
-        said += _remark(
+        remarks += self._unread()
+        remarks += self._tolerance()
+        remarks += _remark(
             self.mended,
             "answer passes",
             "answers pass",
             "though expected to fail, such as {}: update the list",
         )
-        said += _remark(answers.short, "row ends", "rows end", "before the column answer")
-        said += _remark(
+        remarks += _remark(answers.short_rows, "row ends", "rows end", "before the column answer")
+        remarks += _remark(
             rounded, "answer", "answers", "declared as from decimals: exactly those from doubles"
         )
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
-        return said + _remark(ungraded, "answer", "answers", doubles)
+        return remarks + _remark(ungraded, "answer", "answers", doubles)
 
     def _unread(self) -> list[str]:
         """Return remarks on answers that are not numbers, one for each reason, with the first such
@@ -174,14 +174,14 @@ class Report(Printable):
         for grade in self.grades:
             if grade.verdict in ("unreadable", "not-a-number"):
                 by_reason.setdefault(grade.note, []).append(grade)
-        said = [
+        remarks = [
             f"{counted(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
             f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
             for reason, grades in list(by_reason.items())[:_MAX_REASONS]
         ]
         more = len(by_reason) - _MAX_REASONS
-        return said + (
+        return remarks + (
             [f"{counted(more, 'more reason', 'more reasons')} why answers are not numbers"]
             if more > 0
             else []
@@ -193,25 +193,25 @@ class Report(Printable):
 
         At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
         """
-        said = []
+        remarks = []
         for level in self.levels:
             if level.level < 6 or level.failed > level.few:
                 continue
-            here = [grade for grade in self.grades if grade.level == level.level]
+            level_grades = [grade for grade in self.grades if grade.level == level.level]
             off = [
                 grade
-                for grade in here
+                for grade in level_grades
                 if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"
             ]
             if off:
                 most = max(off, key=lambda grade: grade.off)
-                said.append(
+                remarks.append(
                     f"level {level.level}: a tolerance shows in "
                     f"{counted(len(off), 'answer', 'answers')} of"
-                    f" {len(here)}; the largest error, at {most.id}, is as if all inputs were "
+                    f" {len(level_grades)}; the largest error, at {most.id}, is as if all inputs were "
                     f"changed by {most.off:.0e}"
                 )
-        return said
+        return remarks
 
     def csv(self) -> str:
         """Return the tallies of answers by level, quantity and friction law as the text of a CSV
@@ -279,7 +279,7 @@ def counted(number: int, one: str, many: str) -> str:
     return f"{number} {one if number == 1 else many}"
 
 
-def shade(verdict: str) -> str:
+def colour_of(verdict: str) -> str:
     """Return the name of the colour in which a verdict is shown; "" if nothing was graded.
 
     Args:
@@ -338,7 +338,7 @@ def print_report(report: Report, console: Console) -> None:
     from rich.text import Text
 
     def coloured(text: str, verdict: str) -> Text:
-        return Text(text, style=_TERMINAL[shade(verdict)])
+        return Text(text, style=_TERMINAL[colour_of(verdict)])
 
     def row(tally: Tally, *about: str) -> list[Any]:
         least = coloured(shown_least(tally), tally.verdict)
@@ -438,7 +438,7 @@ def html_page(report: Report) -> str:
         report=report,
         levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,
-        shade=shade,
+        colour_of=colour_of,
         legend=_LEGEND,
         split=split_where_wrong,
         needs=FAILS_BELOW,

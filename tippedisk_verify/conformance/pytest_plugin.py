@@ -18,13 +18,13 @@ from tippedisk_verify.errors import InputError
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
-    from tippedisk_verify.reference_values.store import Quantity, Reading
+    from tippedisk_verify.reference_values.store import Reading, ReferenceValue
 
 __all__ = ["tippedisk_agrees", "tippedisk_reference"]
 
 
 @pytest.fixture(scope="session")
-def tippedisk_reference() -> Callable[[str], Quantity]:
+def tippedisk_reference() -> Callable[[str], ReferenceValue]:
     """Return a function that looks up a reference value: (id, reading="decimals") -> value.
 
     The value is a number that has ``.parameters`` and ``.inputs``.

@@ -29,7 +29,7 @@ from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
 from tippedisk_verify.reference_values.store import (
-    Quantity,
+    ReferenceValue,
     Store,
     definition_of,
     is_optional,
@@ -63,7 +63,7 @@ _DECLARED = re.compile(
     r"sep=([^\"\s]|\t)", re.IGNORECASE
 )  # the first line with which a spreadsheet declares its separator
 _JSON_NAMES = ("format", "from", "questions", "answers")
-_MAX_STRANGE = 20  # names that are listed
+_MAX_LISTED_NAMES = 20  # names that are listed
 
 
 @dataclass
@@ -78,13 +78,13 @@ class Answers:
     #: Ids answered more than once; the first answer counts
     repeated: list[str] = field(default_factory=list)
     #: Rows whose columns are not those of the question: id, column
-    altered: list[str] = field(default_factory=list)
+    altered_entries: list[str] = field(default_factory=list)
     undeclared: int = 0  #: answers that do not name their inputs; taken as from doubles
-    short: int = 0  #: rows that end before the column answer
+    short_rows: int = 0  #: rows that end before the column answer
     #: Entries with answers of NaN or NA only; not answered
     missing: list[str] = field(default_factory=list)
     #: columns that no sheet has, each with the one that may be meant
-    strange: list[str] = field(default_factory=list)
+    unknown_names: list[str] = field(default_factory=list)
 
 
 def questions(
@@ -93,7 +93,7 @@ def questions(
     sets: Sequence[str] = (),
     frictions: Sequence[str] = (),
     levels: Sequence[int] = (),
-) -> list[Quantity]:
+) -> list[ReferenceValue]:
     """Return the questions of some sets, laws and levels, in order of difficulty.
 
     Optional questions follow M of the same state. They have no true values here; look these up in
@@ -132,7 +132,7 @@ def questions(
     return [one for quantity in chosen for one in (quantity, *_optional_ones(quantity))]
 
 
-def _optional_ones(quantity: Quantity) -> list[Quantity]:
+def _optional_ones(quantity: ReferenceValue) -> list[ReferenceValue]:
     """Return the optional questions about a state, from the question about its M, without answers;
     [] for other questions.
     """
@@ -144,7 +144,7 @@ def _optional_ones(quantity: Quantity) -> list[Quantity]:
     ]
 
 
-def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
+def question_row(store: Store, quantity: ReferenceValue) -> dict[str, str]:
     """Return a question as texts by column, without the columns that do not apply.
 
     Args:
@@ -154,7 +154,7 @@ def question_row(store: Store, quantity: Quantity) -> dict[str, str]:
     return question_fields(store.parameters[quantity.set], quantity)
 
 
-def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
+def sheet_csv(store: Store, asked: Iterable[ReferenceValue]) -> str:
     """Return a sheet of questions as CSV text. Where only decimals make sense, the column ``from``
     is filled in.
 
@@ -166,7 +166,7 @@ def sheet_csv(store: Store, asked: Iterable[Quantity]) -> str:
     return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
 
 
-def sheet_json(store: Store, asked: Iterable[Quantity]) -> str:
+def sheet_json(store: Store, asked: Iterable[ReferenceValue]) -> str:
     """Return a sheet of questions as JSON text, one question to a line.
 
     Args:
@@ -344,7 +344,7 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
                     f"line {line} has {len(row)} fields, the header {len(header)}{more}"
                 )
             if len(row) <= max(id_at, answer_at):
-                answers.short += bool(row)
+                answers.short_rows += bool(row)
             else:
                 reading = row[from_at] if from_at is not None and len(row) > from_at else ""
                 asked = {name: row[place] for name, place in asked_at.items() if place < len(row)}
@@ -368,9 +368,13 @@ def _separator(header: str) -> str:
 
 def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
-        said = "" if not name or name in known else _with_likely(name, known)
-        if said and said not in answers.strange and len(answers.strange) < _MAX_STRANGE:
-            answers.strange.append(said)
+        message = "" if not name or name in known else _with_likely(name, known)
+        if (
+            message
+            and message not in answers.unknown_names
+            and len(answers.unknown_names) < _MAX_LISTED_NAMES
+        ):
+            answers.unknown_names.append(message)
 
 
 @lru_cache(maxsize=256)
@@ -391,7 +395,8 @@ def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
     A likely meant name follows each that is not known.
     """
     return (
-        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_STRANGE])[:400] or "none"
+        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_LISTED_NAMES])[:400]
+        or "none"
     )
 
 
@@ -427,7 +432,7 @@ def collected(
                 answers.unknown.append(id_[:200])
             continue
         if (column := _altered(asked, store, store[id_])) is not None:
-            answers.altered.append(f"{id_}, {column}")
+            answers.altered_entries.append(f"{id_}, {column}")
         if id_ in answers.given:
             answers.repeated.append(id_)
             continue
@@ -467,7 +472,7 @@ def _without_missing(answers: Answers) -> Answers:
     return answers
 
 
-def _altered(columns: dict[str, str], store: Store, quantity: Quantity) -> str | None:
+def _altered(columns: dict[str, str], store: Store, quantity: ReferenceValue) -> str | None:
     """Return the name of the first column in which a row of a sheet differs from the question; None
     if there is no difference.
 

@@ -108,7 +108,7 @@ def unstable_branch(
     )
 
 
-@undisturbed
+@undisturbed()
 @lru_cache(maxsize=_CACHED_CONNECTIONS)
 def bisect_omega_h(
     parameters: Parameters, engine: Engine, *, confirm: bool = True

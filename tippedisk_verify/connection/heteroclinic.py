@@ -1,6 +1,4 @@
-"""The heteroclinic connection of noninverted spinning with its copy: its speed Omega_h and its
-orbit.
-"""
+"""The result of `Disk.heteroclinic`: Omega_h, the saddle's eigenvalues, and the connecting orbit."""
 
 from __future__ import annotations
 
@@ -14,7 +12,7 @@ import numpy
 from tippedisk_verify.connection.splitting import SplittingZero
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import OnArrays, doubles
 from tippedisk_verify.model.equations import field as equations_of_motion
@@ -34,9 +32,6 @@ _SADDLE_BITS, _SADDLE_ORDER = 120, 6
 _MAX_FLIGHT = 12.0  # s; by then doubles have long left the connection
 _OVERVIEW_POINTS = 6001  # samples of the first flight, 0.002 s apart
 _ORBIT_DIGITS = 20  # so that the samples are right to a double's last place
-_GAMMA_TOP = Event(
-    "upright", lambda ops, c, omega, beta, gamma, v: ops.cos(gamma), direction=-1, terminal=False
-)
 
 
 @dataclass(frozen=True, repr=False)
@@ -155,7 +150,7 @@ class Heteroclinic(Printable):
             times[-1],
             shifted=True,
             times=times,
-            events=(_GAMMA_TOP,),
+            events=(GAMMA_TOP,),
             domain="none",
             error_estimate=measured and engine.measures_error,
             digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
@@ -208,12 +203,12 @@ def _eigenvalues(
     Omega, so that effect is linear.
     """
     if not omega_h.is_measured:
-        there = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
+        eigenvalues = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
         first, second, third = (
-            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in there
+            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in eigenvalues
         )
         return first, second, third
-    there, moved = (
+    eigenvalues, moved = (
         equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
         for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
     )
@@ -222,6 +217,6 @@ def _eigenvalues(
             a.re.value,
             a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES,
         )
-        for a, b in zip(there, moved, strict=True)
+        for a, b in zip(eigenvalues, moved, strict=True)
     )
     return first, second, third

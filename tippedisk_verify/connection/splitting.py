@@ -1,5 +1,5 @@
-"""Omega_h to any number of digits, as the speed at which the saddles' manifolds meet; and its
-derivatives.
+"""Omega_h to any number of digits, with its half-width and derivatives, as the speed at which the
+saddles' manifolds meet.
 
 **The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
 distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of
@@ -128,8 +128,8 @@ class SplittingFunction:
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
         share = closer * 10 ** (-(digits + 2) / (self.order + 2))
-        self.start = _short(float(saddle.reach(saddle.unstable_curve)) * share)
-        self.end = _short(
+        self.start = _rounded_to_three_digits(float(saddle.reach(saddle.unstable_curve)) * share)
+        self.end = _rounded_to_three_digits(
             float(
                 saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)
             )
@@ -370,7 +370,7 @@ def _root(
     Returns:
         The splitting function of the last stage, its zero [rad/s], and its slope there.
     """
-    omega = _cut(guess, stages[0])
+    omega = _rounded_speed(guess, stages[0])
     splitting_at: SplittingFunction | None = None
     slope: _Slope | None = None
     for precision in stages:
@@ -445,7 +445,7 @@ def _newton(
             )
         change = -value / slope.value
         previous = omega, value
-        omega = _cut(omega + change, splitting_at.precision)
+        omega = _rounded_speed(omega + change, splitting_at.precision)
         if abs(change) * max(_MAX_CURVATURE * abs(change), slope.error) < 1000 * resolution:
             return omega, slope
     raise AccuracyError(
@@ -453,7 +453,7 @@ def _newton(
     )
 
 
-def _short(value: float) -> Fraction:
+def _rounded_to_three_digits(value: float) -> Fraction:
     """Return a double rounded to three significant digits, as a fraction.
 
     Such a value is exact, and the same, in every arithmetic.
@@ -461,7 +461,7 @@ def _short(value: float) -> Fraction:
     return Fraction(f"{value:.2e}")
 
 
-def _cut(omega: Fraction, precision: Precision) -> Fraction:
+def _rounded_speed(omega: Fraction, precision: Precision) -> Fraction:
     """Round a speed to a few bits more than the arithmetic has, so that the fraction does not grow
     from step to step.
     """

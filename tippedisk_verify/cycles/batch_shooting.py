@@ -19,8 +19,9 @@ from typing import Any, NamedTuple
 
 import numpy
 
+from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.section import VARIATIONS, Section
-from tippedisk_verify.flow.lanes import BatchTaylor
+from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import field, shifted
@@ -103,7 +104,7 @@ def shoot_batch(
 
     Args:
         section: The section.
-        constants: The constants (6,) or (n, 6), see `flow.lanes.field_constants`.
+        constants: The constants (6,) or (n, 6), see `flow.batch.field_constants`.
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
         lanes: The engine of the flights.
@@ -129,7 +130,9 @@ def shoot_batch(
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
     matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
-    numbers = section.table((first, second), flight, matrix, slopes, last.trivial, flown, numpy)
+    numbers = numbers_from_map(
+        section, (first, second), flight, matrix, slopes, last.trivial, flown, numpy
+    )
     numbers |= {
         "omega": omega if free_omega else numpy.asarray(omegas, dtype=float),
         "residual": last.residual,
@@ -137,7 +140,7 @@ def shoot_batch(
     return BatchCycles(section, numbers, converged, last.step)
 
 
-class _Step(NamedTuple):
+class _NewtonStep(NamedTuple):
     """One Newton step for n cycles at once, and the numbers that their derivatives give."""
 
     step: Array  #: (n, 3) the step of the three free unknowns
@@ -160,7 +163,7 @@ class _SectionBatch:
         self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
         self._free = numpy.delete(numpy.arange(4), held)
 
-    def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _Step]:
+    def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _NewtonStep]:
         """Solve for all cycles of the batch by Newton's iteration.
 
         ``unknowns`` has the guesses, and is overwritten by the solutions. Each run ends by its own
@@ -168,7 +171,7 @@ class _SectionBatch:
         (NaN for others).
         """
         count = len(unknowns)
-        last = _Step(
+        last = _NewtonStep(
             *(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ()))
         )
         converged = numpy.zeros(count, dtype=bool)
@@ -213,7 +216,7 @@ class _SectionBatch:
         starts[:, list(self._section.free)] = unknowns[:, :2]
         return starts
 
-    def _step(self, unknowns: Array, runs: Any) -> _Step:
+    def _step(self, unknowns: Array, runs: Any) -> _NewtonStep:
         section, axes = self._section, list(self._section.free)
         constants, starts, omegas = (
             self._constants[runs],
@@ -244,7 +247,7 @@ class _SectionBatch:
         # The Rayleigh quotient of the flow and the symmetry, on the flow's direction.
         direction = _rates(constants, omegas, starts)
         images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
-        return _Step(
+        return _NewtonStep(
             step=-(inverse @ errors[:, :, None])[:, :, 0],
             by_omega=by_omega,
             map=section.image * numpy.stack(moved, axis=1),

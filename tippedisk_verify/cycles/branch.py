@@ -1,4 +1,5 @@
-"""Branches of limit cycles: many speeds of a family, its special points, and their diagram.
+"""Branches of limit cycles: many speeds of a family (an overview, the paper's sets), its special
+points, and their diagram.
 
 The speeds are given, or the paper's, or those of an overview of the whole family.
 """
@@ -18,7 +19,8 @@ from typing import Any, TypeVar
 import numpy
 
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.at_speed import cycles_at
+from tippedisk_verify.cycles.cycle_at_speed import cycles_at
+from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS
 from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -27,7 +29,6 @@ from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle,
 from tippedisk_verify.cycles.locator import Locator, locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Engine
@@ -53,8 +54,8 @@ __all__ = [
     "PAPER_COUNT",
     "Branch",
     "SpecialPoint",
+    "cycles_found",
     "family",
-    "found",
     "not_all_missing",
     "paper_speeds",
     "rotating_branch",
@@ -71,11 +72,11 @@ _STYLES = {
 _AXES = ("largest |β − π/2| [rad]", "period T [s]")
 # The labels of special points; folds keep their names.
 _LABELS = {"Omega_crit": "Hopf point", "Omega_h": "$Ω_h$"}
-_SHOWN = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
+_SHOWN_COLUMNS = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
 DEFAULT_COUNT = 41  #: the number of speeds in the overview of the librating cycles
 DEFAULT_ROTATIONS = 40  #: the number of speeds in the overview of the rotating cycles
-_MIN_ON_PIECE = 11  # the least number of speeds on a piece between folds
+_MIN_SPEEDS_PER_PIECE = 11  # the least number of speeds on a piece between folds
 # A relative distance of speeds. Closer to the Hopf point or a fold doubles do not separate cycles.
 _MIN_DISTANCE = 1e-10
 _MAX_SPEEDS = 1_000_000
@@ -167,20 +168,18 @@ class Branch(Printable):
         Raises:
             AccuracyError: If a fold does not have 12 digits.
         """
-        disk, zero = (
-            locator_of(found(self.cycles)[0].parameters, default_engine()),
-            Measured(Fraction(0), Fraction(0)),
-        )
-        born = omega_crit(disk.parameters), period_crit(disk.parameters), zero, zero
+        locator = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
+        zero = Measured(Fraction(0), Fraction(0))
+        born = omega_crit(locator.parameters), period_crit(locator.parameters), zero, zero
         points = [SpecialPoint("Omega_crit", *born)]
-        if disk.lost:
+        if locator.no_family_reason:
             return tuple(points)
-        parameters, family, engine = disk.parameters, disk.family, disk.engine
+        parameters, family, engine = locator.parameters, locator.librating_family, locator.engine
         for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
             numbers = fold.omega, fold.period, fold.gamma_bar_0, fold.beta_max
             points.append(SpecialPoint(f"fold {number}", *numbers))
         if family.connected:
-            zero_of_splitting = splitting_zero(parameters, disk.omega_h, engine, 12)
+            zero_of_splitting = splitting_zero(parameters, locator.omega_h, engine, 12)
             half_turn = Measured(fraction(DOUBLE.pi), DOUBLE.epsilon)
             connection = zero_of_splitting.omega_h, None, half_turn, None
             points.append(SpecialPoint("Omega_h", *connection))
@@ -204,7 +203,7 @@ class Branch(Printable):
             raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
         if whole(count, 2, _MAX_SPEEDS) is None:
             raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {shown(count)}")
-        disk = locator_of(found(self.cycles)[0].parameters, default_engine())
+        disk = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
         return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
     def __len__(self) -> int:
@@ -236,7 +235,7 @@ class Branch(Printable):
             from matplotlib import pyplot
 
             _, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
-        speeds = [float(cycle.omega) for cycle in found(self.cycles)]
+        speeds = [float(cycle.omega) for cycle in cycles_found(self.cycles)]
         speeds += [float(point.omega) for point in self.points]
         low, high, crit = min(speeds), max(speeds), float(self.points[0].omega)
         # Room for the names: of the connection on the left, of the other points on the right
@@ -305,7 +304,7 @@ class Branch(Printable):
             for point in self.points
             if point.period is not None and heights[0] - reach <= _abscissa(point) <= heights[-1]
         ]
-        course: list[Any] = sorted([*found(self.cycles), *joints], key=_abscissa)
+        course: list[Any] = sorted([*cycles_found(self.cycles), *joints], key=_abscissa)
         steps = [(step, _stability(*step)) for step in pairwise(course)]
         labelled: set[str] = set()
         for stable, stretch in groupby(steps, lambda step: step[1]):
@@ -325,14 +324,14 @@ class Branch(Printable):
         There are at most ten rows.
         """
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
-        columns = [getattr(self, name) for name in _SHOWN]
+        columns = [getattr(self, name) for name in _SHOWN_COLUMNS]
         rows = (
             ["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen
         )
-        return [[*map(heading, _SHOWN)], *rows]
+        return [[*map(heading, _SHOWN_COLUMNS)], *rows]
 
     def __repr__(self) -> str:
-        cycles, missing = found(self.cycles), len(self.missing)
+        cycles, missing = cycles_found(self.cycles), len(self.missing)
         whose = (
             f" of {cycles[0].parameters.name} ({cycles[0].parameters.friction})" if cycles else ""
         )
@@ -364,7 +363,7 @@ def _stability(*places: LimitCycle | SpecialPoint) -> bool | None:
     return next((place.stable for place in places if isinstance(place, LimitCycle)), None)
 
 
-def found(rows: Iterable[C | MissingCycle]) -> list[C]:
+def cycles_found(rows: Iterable[C | MissingCycle]) -> list[C]:
     """Return the limit cycles among some rows, without the missing ones.
 
     Args:
@@ -383,7 +382,7 @@ def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
         Exception: If no row is a cycle: the error of the first row.
     """
     kept = list(rows)
-    if kept and isinstance(kept[0], MissingCycle) and not found(kept):
+    if kept and isinstance(kept[0], MissingCycle) and not cycles_found(kept):
         raise kept[0].fault
     return kept
 
@@ -457,7 +456,7 @@ def family(
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MAX_SPEEDS:
             raise InputError(f"a family has 1 to {_MAX_SPEEDS} speeds, not {len(speeds)}")
-    return _at(
+    return _cycles_at_speeds(
         disk_locator,
         LIBRATING,
         partial(cycles_at, parameters, engine=engine, half_widths=half_widths),
@@ -465,7 +464,7 @@ def family(
     )
 
 
-def _at(
+def _cycles_at_speeds(
     disk_locator: Locator,
     section: Section[C],
     singly: Callable[[Fraction], list[C]],
@@ -510,13 +509,13 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
     short for that is left out.
     """
     try:
-        family = disk_locator.family
+        family = disk_locator.librating_family
     except NoSuchCycleError as fault:  # the caller named no speed
         raise AccuracyError(str(fault)) from None
     breaks = family.breaks
     for piece in range(len(breaks) - 1):
         share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
-        count = max(_MIN_ON_PIECE, round(DEFAULT_COUNT * share))
+        count = max(_MIN_SPEEDS_PER_PIECE, round(DEFAULT_COUNT * share))
         yield from _piece(disk_locator, piece, count, half_widths)
 
 
@@ -528,7 +527,7 @@ def _piece(
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """
-    (_, begin), (name, end) = disk_locator.family.ends[piece : piece + 2]
+    (_, begin), (name, end) = disk_locator.librating_family.ends[piece : piece + 2]
     margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
     first = begin + math.copysign(max(abs(margin), _MIN_DISTANCE * begin), margin)
     last = end - math.copysign(
@@ -539,7 +538,7 @@ def _piece(
     for n in range(count):
         place = (2 * n - count + 1) / (count - 1)
         omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-        location = disk_locator.librating(Fraction(omega))
+        location = disk_locator.librating_at(Fraction(omega))
         for start in location.starts:
             if start.piece == piece:
                 yield location.cycle(start, half_widths=half_widths)
@@ -573,10 +572,10 @@ def rotating_branch(
     disk_locator = locator_of(parameters, engine)
     if omegas is None:
         return _rotating_overview(disk_locator, half_widths)
-    return _at(
+    return _cycles_at_speeds(
         disk_locator,
         ROTATING,
-        lambda speed: disk_locator.rotating(speed).cycles(half_widths=half_widths),
+        lambda speed: disk_locator.rotating_at(speed).cycles(half_widths=half_widths),
         checked_speeds(omegas),
     )
 
@@ -587,17 +586,17 @@ def _rotating_overview(disk_locator: Locator, half_widths: bool) -> Iterator[Rot
 
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """
-    family, half = disk_locator.rotations, DEFAULT_ROTATIONS // 2
+    family, half = disk_locator.rotating_family, DEFAULT_ROTATIONS // 2
     fold = Fraction(float(rotation_fold(family).omega))
     below, beyond = (
         family.omega_h - fold,
         omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold,
     )
     for n in range(half, 0, -1):
-        yield from disk_locator.rotating(
+        yield from disk_locator.rotating_at(
             fold + below * Fraction(n * n, half * half + 1), stable=True
         ).cycles(half_widths=half_widths)
     for n in range(1, half + 1):
-        yield from disk_locator.rotating(
+        yield from disk_locator.rotating_at(
             fold + beyond * Fraction(n * n, half * half), stable=False
         ).cycles(half_widths=half_widths)

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.at_distance import cycle_above
-from tippedisk_verify.cycles.at_speed import cycle_at
-from tippedisk_verify.cycles.passage_cycles import PeriodLaw, period_law
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycles_by_passages import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -158,12 +158,14 @@ def near_heteroclinic(
         raise InputError("an answer is a pair of a speed and a period, such as ('30.05', '5.27')")
     checked_answers = [(checked_speed(omega), fraction(period)) for omega, period in pairs]
     law = period_law(parameters, engine)
-    rows = tuple(_at(parameters, distance, engine, law) for distance in entries(distances))
+    rows = tuple(_row_at(parameters, distance, engine, law) for distance in entries(distances))
     compared = tuple(_compared(parameters, *answer, engine) for answer in checked_answers)
     return NearHeteroclinic(law, rows, compared, parameters, engine.name)
 
 
-def _at(parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw) -> DistanceRow:
+def _row_at(
+    parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw
+) -> DistanceRow:
     cycle = cycle_above(parameters, distance, engine)
     exact = fraction(distance)
     return DistanceRow(

@@ -31,6 +31,7 @@ from fractions import Fraction
 from itertools import count, islice
 from typing import Any, TypeVar
 
+from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint, Iterate, Stop, newton
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
@@ -288,7 +289,8 @@ def numbers_at(
         rounding: The pattern by which last bits are moved; None for no move.
     """
     flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
-    return return_map.section.table(
+    return numbers_from_map(
+        return_map.section,
         point,
         image.time,
         image.matrix,

@@ -27,8 +27,8 @@ from tippedisk_verify.cycles.newton import Iterate, Stop, newton
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
 
@@ -40,7 +40,7 @@ _DEGREE = 7  # degree of the extrapolation to the next nodes, through values and
 _MAX_JUMP = 0.3  # relative distance from the guess; a cycle farther away belongs to another family
 # Largest misfit of values and slopes, relative to the change between neighbours
 _MAX_MISFIT = 0.15
-_NEXT_TO_A_NODE = 1e-3  # in s; the family is lost if nodes would have to be closer together
+_MIN_NODE_DISTANCE = 1e-3  # in s; the family is lost if nodes would have to be closer together
 _MAX_STEPS = 10  # steps of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step after which only rounding is left
 
@@ -75,7 +75,7 @@ class Place:
     start: tuple[float, float]
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
-    falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
+    omega_falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
     flight: float = math.nan  #: flight time of the section's map [s]
     #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
     zeros: int = 0
@@ -91,7 +91,7 @@ class Place:
             omega: The speed [rad/s].
             piece: The piece of the family that ends at the connection.
         """
-        return cls((math.nan, math.nan), float(omega), piece, falls=True)
+        return cls((math.nan, math.nan), float(omega), piece, omega_falls=True)
 
     @property
     def is_in_double(self) -> bool:
@@ -205,7 +205,7 @@ class Family:
         The last of them is halfway there. Raises NoSuchCycleError if the family is lost.
         """
         begin = rows[-1, 0]
-        if target - begin < _NEXT_TO_A_NODE:
+        if target - begin < _MIN_NODE_DISTANCE:
             raise NoSuchCycleError(self._lost(target))
         group = self._solved(
             begin + (target - begin) * numpy.arange(1, _GROUP_SIZE + 1) / (2 * _GROUP_SIZE), rows
@@ -230,7 +230,7 @@ class Family:
             ratio_slope = (solved.second_slope - values[0]) / x
         slopes = numpy.stack((ratio_slope, solved.flight_slope, solved.omega_slope)) * rate
         new = numpy.concatenate((s[None], values, slopes)).T
-        good = numpy.isfinite(new[:, 3]) & ~jumped & ~_uncontinued(new, rows)
+        good = numpy.isfinite(new[:, 3]) & ~jumped & ~_discontinuous_rows(new, rows)
         return new[: int(numpy.argmin(numpy.append(good, False)))]
 
     def _guess(self, s: Array, rows: Array) -> Any:
@@ -308,7 +308,7 @@ class Family:
         return (float(s[0]), *self.folds, float(s[-1]))
 
     @property
-    def falls(self) -> list[bool]:
+    def omega_falls(self) -> list[bool]:
         """A list with True for each piece of the family on which Omega falls with s, otherwise
         False.
 
@@ -374,7 +374,7 @@ class Family:
         """Return an approximation (`Place`) of the family's cycle at an abscissa on a piece."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return Place((first, ratio * first), omega, piece, self.falls[piece], flight)
+        return Place((first, ratio * first), omega, piece, self.omega_falls[piece], flight)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
@@ -387,7 +387,7 @@ def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
     return powers, rates
 
 
-def _uncontinued(new: Array, rows: Array) -> Any:
+def _discontinuous_rows(new: Array, rows: Array) -> Any:
     """Return a mask (n,) of the new rows that do not continue the family from the row before.
 
     In such a row at least two values do not change as the slopes predict. Over so short a way the
@@ -456,7 +456,7 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
             zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)
         ):
             try:
-                rows[index] = _solved_singly(section, parameters, engine, x, *guess)
+                rows[index] = _solve_one_by_one(section, parameters, engine, x, *guess)
             except NoSuchCycleError:
                 break
         return Solved(*rows.T)
@@ -464,7 +464,7 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
     return solve
 
 
-def _solved_singly(
+def _solve_one_by_one(
     section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float
 ) -> Any:
     held = f"the iteration at fixed {section.names[0]}"

@@ -292,8 +292,8 @@ def resampled(kind: Kind, point: Any, count: int) -> Any:
     amplitudes = _spectrum(kind, point[:old])
     total = 2 * count // kind.value
     kept = numpy.zeros(total // 2 + 1, dtype=complex)
-    both = min(len(kept), len(amplitudes))
-    kept[:both] = amplitudes[:both]
+    common = min(len(kept), len(amplitudes))
+    kept[:common] = amplitudes[:common]
     beta = numpy.fft.irfft(kept, total)[:count] * (count / old)
     return numpy.append(beta, point[old:])
 

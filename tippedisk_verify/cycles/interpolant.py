@@ -27,10 +27,11 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.family import Family
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
@@ -51,7 +52,7 @@ NODE_TWIN_FACTOR = 2.5
 _ROUNDING_SPACING = 4  # the spacing, in nodes, of those where rounding is measured
 #: The share of the constants that a twin moves up; as many move down. Each then errs by half a
 #: place, as by rounding.
-_SHARE_MOVED = 1 / 8
+_MOVED_SHARE = 1 / 8
 # The move of a start, relative to the distance from the nearer end. Newton's iteration then ends
 # after one step.
 _START_SHIFT = 1e-5
@@ -97,7 +98,7 @@ class FamilyInterpolant:
         #: moves with the slow one's: their sum does not come from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
-        self._measured = (*self._section.numbers, "log_multipliers")
+        self._measured = (*number_names(self._section), "log_multipliers")
 
     def _shot(
         self, omegas: Array, guess: Array, constants: Any = None, **options: Any
@@ -134,7 +135,7 @@ class FamilyInterpolant:
         )
         by_speed: list[list[Any]] = [[] for _ in omegas]
         for at, is_held, falls in zip(
-            index.tolist(), held, numpy.array(self.family.falls)[piece], strict=True
+            index.tolist(), held, numpy.array(self.family.omega_falls)[piece], strict=True
         ):
             cycle = next(measured) if is_held else None
             by_speed[at].append(cycle if cycle and cycle.stable is bool(falls) else None)
@@ -238,7 +239,7 @@ class FamilyInterpolant:
         random, guess = numpy.random.default_rng(1), start
         for _ in range(NODE_TWINS):
             turns = random.random((len(every), len(self._constants)))
-            moves = (turns < _SHARE_MOVED).astype(float) - (turns >= 1 - _SHARE_MOVED)
+            moves = (turns < _MOVED_SHARE).astype(float) - (turns >= 1 - _MOVED_SHARE)
             twins = self._shot(
                 omegas, guess, self._constants * (1 + moves * 2 * _UNIT_ROUNDOFF), tolerance=1e-5
             )

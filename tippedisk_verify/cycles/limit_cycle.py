@@ -25,8 +25,8 @@ from tippedisk_verify.model.exact import shown, whole
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.result_format import saved_numbers, write_saved
 from tippedisk_verify.model.results import Printable, quantities, quantity
-from tippedisk_verify.model.saved import saved_numbers, write_saved
 from tippedisk_verify.progress import shown_share
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ __all__ = ["Cycle", "LimitCycle", "MissingCycle", "RotatingCycle"]
 
 # The bits needed below 1 to separate the orbit from the saddle's manifolds. With this number and
 # more a start rounded to double loses them.
-_NEXT_TO_A_SADDLE = 20
+_LOST_START_BITS = 20
 _MAX_POINTS = 10_000_000  # the largest number of points of an orbit
 
 
@@ -227,7 +227,7 @@ class Cycle(Printable):
             [number.value for number in self._start],
             duration,
             shifted=True,
-            precision=DOUBLE if needed < _NEXT_TO_A_SADDLE else bits(53 + 2 * needed),
+            precision=DOUBLE if needed < _LOST_START_BITS else bits(53 + 2 * needed),
             dense=True,
             domain="none",
         )
@@ -239,7 +239,7 @@ class Cycle(Printable):
     def save(self, path: str | PathLike[str]) -> Path:
         """Write the cycle as JSON in which every number is exact; `tippedisk_verify.load` reads it.
 
-        The file is described in `tippedisk_verify.model.saved`. The loaded cycle equals this one and
+        The file is described in `tippedisk_verify.model.result_format`. The loaded cycle equals this one and
         can do the same. Next to Omega_h its monodromy matrix comes from flights and takes longer.
 
         Args:

@@ -1,4 +1,5 @@
-"""Where the limit cycles of a disk are: the families, and the starts for shooting at a speed.
+"""Where the limit cycles of a disk are: its families, the starts for shooting at a speed, or the
+message that there is no cycle.
 
 The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these
 families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a
@@ -16,17 +17,17 @@ from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
+from tippedisk_verify.cycles.cycles_by_passages import FIRST_DIGITS, cycle_by_passages
+from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
 from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.newton import FixedPoint
-from tippedisk_verify.cycles.passage_cycles import FIRST_DIGITS, cycle_by_passages
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.cycles.shooting import NEWBORN, shoot
-from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS, cycle_near
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -41,7 +42,7 @@ C = TypeVar("C", bound=Cycle)
 # The distance [rad/s] from Omega_h within which its law leads to cycles of a family that was not
 # followed.
 _LAW_DISTANCE = Fraction(1, 100)
-_ABOUT_TO_MEET = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
+_FOLD_NEIGHBOURHOOD = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
 # The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
 # half a minute.
 _MAX_NEWBORN_ZEROS = 100
@@ -119,13 +120,16 @@ class Location(Generic[C]):
             others = [
                 other.start[0] for other in self.starts if other.is_in_double and other is not start
             ]
-            if not any(abs(other - start.start[0]) < _ABOUT_TO_MEET for other in others):
+            if not any(abs(other - start.start[0]) < _FOLD_NEIGHBOURHOOD for other in others):
                 raise
             raise AccuracyError(
                 f"{fault}; the speed is next to a fold, where two cycles meet"
             ) from None
         rate = getattr(cycle, f"d{self.section.names[0]}_domega")
-        if rate.is_measured and not (-rate.value if start.falls else rate.value) > rate.uncertainty:
+        if (
+            rate.is_measured
+            and not (-rate.value if start.omega_falls else rate.value) > rate.uncertainty
+        ):
             raise AccuracyError(
                 f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell "
                 f"its two cycles apart"
@@ -156,7 +160,7 @@ class Locator:
         return bisect_omega_h(self.parameters, self.engine, confirm=False).omega_h.value
 
     @cached_property
-    def attracts(self) -> bool:
+    def connection_attracts(self) -> bool:
         """True if the heteroclinic connection attracts, so that librating cycles begin above
         Omega_h.
 
@@ -166,7 +170,7 @@ class Locator:
         return saddle_value_sign(self.parameters, self.omega_h) < 0
 
     @cached_property
-    def family(self) -> LibratingFamily:
+    def librating_family(self) -> LibratingFamily:
         """The family of librating cycles, followed on first use.
 
         Raises:
@@ -175,18 +179,18 @@ class Locator:
         return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
-    def lost(self) -> str:
+    def no_family_reason(self) -> str:
         """The reason why the disk's librating cycles cannot be followed as a family; "" if they
         can.
         """
         try:
-            self.family  # noqa: B018
+            self.librating_family  # noqa: B018
         except NoSuchCycleError as fault:
             return str(fault)
         return ""
 
     @cached_property
-    def rotations(self) -> RotatingFamily:
+    def rotating_family(self) -> RotatingFamily:
         """The family of rotating cycles, followed on first use.
 
         Raises:
@@ -195,7 +199,9 @@ class Locator:
         """
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
-    def librating(self, omega: Fraction, omega_h: Fraction | None = None) -> Location[LimitCycle]:
+    def librating_at(
+        self, omega: Fraction, omega_h: Fraction | None = None
+    ) -> Location[LimitCycle]:
         """Locate the librating limit cycles, about inverted spinning, at a speed.
 
         Args:
@@ -208,13 +214,15 @@ class Locator:
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
         """
-        location = Location(LIBRATING, self.parameters, self.engine, omega, (), self.lost, omega_h)
-        if self.lost:
+        location = Location(
+            LIBRATING, self.parameters, self.engine, omega, (), self.no_family_reason, omega_h
+        )
+        if self.no_family_reason:
             with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _LAW_DISTANCE:
-                    return self._next_to_omega_h(location, 0, above=self.attracts)
+                    return self._next_to_omega_h(location, 0, above=self.connection_attracts)
             return location
-        family = self.family
+        family = self.librating_family
         refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
         starts = list(places)
         if not any(start.piece == 0 for start in starts):
@@ -222,10 +230,12 @@ class Locator:
         location = replace(location, refusal=refusal, starts=tuple(starts))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
             with suppress(NoConnectionError, AccuracyError):
-                return self._next_to_omega_h(location, len(family.folds), above=self.attracts)
+                return self._next_to_omega_h(
+                    location, len(family.folds), above=self.connection_attracts
+                )
         return location
 
-    def rotating(
+    def rotating_at(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
     ) -> Location[RotatingCycle]:
         """Locate the rotating cycles at a speed, the stable one before the fold first.
@@ -243,7 +253,7 @@ class Locator:
             NoConnectionError: If there is no connection.
             AccuracyError: If Omega_h has too few digits.
         """
-        family, speed = self.rotations, float(omega)
+        family, speed = self.rotating_family, float(omega)
         too_close = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
         starts, refusal = list[Place](), ""
         if not too_close or stable is None:

@@ -30,7 +30,7 @@ Vector = tuple[Measured, Measured, Measured]
 _DOUBLE_BITS = 60
 _MORE_BITS = 16  # bits of the wider arithmetic beyond those of the half-width
 # The move of a number, in half-widths. It is large, so that rounding does not hide its effect.
-_MOVE = 2**12
+_MOVE_FACTOR = 2**12
 # The share of the time that is over before the flight whose error is measured
 _BY_MOVED_FLIGHTS = 0.5
 
@@ -129,8 +129,8 @@ class FloquetVectors(Printable):
         """
         cycle, matrix = monodromy.cycle, monodromy.matrix
         slow, log_fast = cycle.multiplier_slow, cycle.log_multiplier_fast
-        apart = cycle.log_multiplier_slow - log_fast
-        if apart.value <= apart.uncertainty:
+        log_ratio = cycle.log_multiplier_slow - log_fast
+        if log_ratio.value <= log_ratio.uncertainty:
             raise AccuracyError(
                 "the multipliers are a complex pair, or too close: there are no real vectors"
             )
@@ -278,17 +278,17 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
     by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
-    width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVE)
+    width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVE_FACTOR)
     return Monodromy(
-        cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVE
+        cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVE_FACTOR
     )
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:
-    """Yield the values with one of them moved at a time, by `_MOVE` times its entry of ``moves``.
+    """Yield the values with one of them moved at a time, by `_MOVE_FACTOR` times its entry of ``moves``.
 
     Values whose entry is 0 are not moved.
     """
     for place, move in enumerate(moves):
         if move:
-            yield [value + _MOVE * move * (n == place) for n, value in enumerate(values)]
+            yield [value + _MOVE_FACTOR * move * (n == place) for n, value in enumerate(values)]

@@ -31,7 +31,7 @@ METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
 _DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
-@undisturbed
+@undisturbed()
 def heteroclinic(
     parameters: Parameters,
     engine: Engine,

@@ -134,7 +134,9 @@ class RotatingFamily(Family):
                 beta, v = ReturnMap(
                     ROTATING, self.parameters, Fraction(omega), self.engine
                 ).end_of_branch()
-                yield Place((float(beta), float(v)), omega, 0, self.falls[0])
+                yield Place((float(beta), float(v)), omega, 0, self.omega_falls[0])
                 continue
             self.reach(0.0 if side else omega)
-            yield from (place for place in self.places(omega) if self.falls[place.piece] is side)
+            yield from (
+                place for place in self.places(omega) if self.omega_falls[place.piece] is side
+            )

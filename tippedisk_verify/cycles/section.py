@@ -1,5 +1,5 @@
-"""The sections on which limit cycles are fixed points, and a cycle's period, Floquet multipliers
-and slopes from its return map (`Section.table`).
+"""The two sections on which limit cycles are fixed points: their coordinates, events, symmetries
+and messages.
 
 From a point of the section the flow goes on to the section's next crossing. A symmetry of the
 equations takes it back. That is the return map, see `return_map`.
@@ -14,22 +14,20 @@ All states are shifted, (beta_bar, gamma_bar, v).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
-import numpy
-
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.flow.contract import SECTION, TURN, Event, Variation
+from tippedisk_verify.flow.contract import GAMMA_TOP, SECTION, TURN, Event, Variation
 
 __all__ = [
     "BOTTOM",
     "EXTREME",
+    "GAMMA_TURN",
     "LIBRATING",
     "RETURNS",
     "ROTATING",
-    "ROUND",
     "VARIATIONS",
     "Measure",
     "Section",
@@ -37,14 +35,12 @@ __all__ = [
 
 C = TypeVar("C", bound=Cycle)
 
-_MIN_MULTIPLIER = 2.0**-1022  # the least normal double
-
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
 RETURNS = Event("returns", SECTION.function, direction=-1)
-#: gamma = pi/2 modulo 2 pi, passed upward.
-ROUND = Event("round", lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma), direction=-1)
+#: gamma = pi/2 modulo 2 pi, passed upward: a turn of gamma is complete.
+GAMMA_TURN = Event("round", GAMMA_TOP.function, direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
-BOTTOM = Event("bottom", ROUND.function, direction=1, terminal=False)
+BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
 #: beta is extreme.
 EXTREME = Event("extreme", TURN.function, terminal=False)
 #: The variables with respect to which flights are differentiated. beta is among them: with four
@@ -118,75 +114,6 @@ class Section(Generic[C]):
         """
         return self.turns * math.tau, self.turns * 2.4492935982947064e-16
 
-    @property
-    def numbers(self) -> tuple[str, ...]:
-        """The names of all numbers of a cycle that have half-widths."""
-        by_omega = (f"d{name}_domega" for name in ("period", *self.names))
-        multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
-        return (
-            "period",
-            *self.names,
-            *(measure.name for measure in self.measures),
-            *multipliers,
-            *by_omega,
-        )
-
-    def table(
-        self,
-        point: Sequence[Any],
-        time: Any,
-        matrix: Any,
-        slopes: Any,
-        trivial: Any,
-        flight: Mapping[str, Any],
-        ops: Any,
-    ) -> dict[str, Any]:
-        """Return the numbers of a limit cycle by their names, from its fixed point on the section
-        and the map's derivatives.
-
-        Many cycles give arrays (n,).
-
-        Args:
-            point: Both coordinates on the section.
-            time: The flight time [s].
-            matrix: The derivative (2, 2) of the section's map.
-            slopes: The derivatives of both coordinates and the flight time with respect to Omega,
-                along the family.
-            trivial: The multiplier of a flight along the flow, 1 but for rounding.
-            flight: The section's measures and the integral of the ``divergence`` over the flight.
-            ops: The functions of the arithmetic.
-        """
-        laps, choose = self.per_period, numpy.where if isinstance(time, numpy.ndarray) else _chosen
-        (a, b), (c, d) = matrix
-        trace, determinant = a + d, a * d - b * c
-        # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and
-        # only corrects it. For a complex pair the value is the modulus, with the sign that the
-        # larger root has where the two meet.
-        discriminant = trace * trace / 4 - determinant
-        real = abs(trace) / 2 + ops.sqrt(abs(discriminant))
-        size = choose(discriminant >= 0, real, ops.sqrt(abs(determinant))) ** laps
-        slow = size if laps == 2 else choose(trace >= 0, size, -size)
-        # A multiplier that rounding has lost still gets a logarithm.
-        log_slow = ops.log(choose(size == 0, _MIN_MULTIPLIER, size))
-        log_multipliers = laps * flight["divergence"]
-        first, second = self.names
-        return {
-            "period": laps * time,
-            first: point[0],
-            second: point[1],
-            **{measure.name: flight[measure.name] for measure in self.measures},
-            "multiplier_slow": slow,
-            "log_multiplier_slow": log_slow,
-            # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its
-            # logarithm.
-            "log_multiplier_fast": log_multipliers - log_slow,
-            "log_multipliers": log_multipliers,
-            "trivial_multiplier_defect": abs((trivial * trivial if laps == 2 else trivial) - 1),
-            "dperiod_domega": laps * slopes[2],
-            f"d{first}_domega": slopes[0],
-            f"d{second}_domega": slopes[1],
-        }
-
     def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
         """Return the section's measures, further numbers of a cycle such as the largest lean, by
         name, from the events of one flight.
@@ -204,10 +131,6 @@ class Section(Generic[C]):
                         max(numbers[measure.name], abs(value)) if measure.largest else value
                     )
         return numbers
-
-
-def _chosen(condition: Any, value: Any, otherwise: Any) -> Any:
-    return value if condition else otherwise
 
 
 _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
@@ -236,7 +159,7 @@ ROTATING = Section(
     name="rotating",
     result=RotatingCycle,
     passed=1,
-    ends=ROUND,
+    ends=GAMMA_TURN,
     turns=1,
     image=1,
     per_period=1,

@@ -26,6 +26,7 @@ from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.error_budget import iterate_until_rounding, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint
@@ -194,7 +195,7 @@ def _derivatives(
     for symbol, row in slopes.items():
         first, second = (row[name] / ((a - 1) * (d - 1) - b * c) for name in _RESIDUALS)
         x, y = b * second - (d - 1) * first, c * first - (a - 1) * second
-        for name in section.numbers:
+        for name in number_names(section):
             if not name.startswith("d"):
                 slope = row[name] + by_first[name] * x + by_second[name] * y
                 derivatives.setdefault(name, {})[symbol] = slope

@@ -8,6 +8,7 @@ half-widths.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from fractions import Fraction
@@ -26,7 +27,14 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.one_harmonic_law import section_start
 
-__all__ = ["NEWBORN", "LimitCycle", "limit_cycle", "shoot", "shoot_from_amplitude_law"]
+__all__ = [
+    "NEAR_THE_LAW",
+    "NEWBORN",
+    "LimitCycle",
+    "amplitude_law_guess",
+    "limit_cycle",
+    "shoot",
+]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -38,14 +46,15 @@ _MAX_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.
 _MAX_LAW_AMPLITUDE = 2.5
-# The largest relative distance of the amplitude from the law's. The law's own error at
-# `_MAX_LAW_AMPLITUDE` is a fifth.
-_NEAR_THE_LAW = 0.4
+#: The largest relative distance of a cycle's amplitude from the law's. The law's own error at
+#: `_MAX_LAW_AMPLITUDE` is a fifth.
+NEAR_THE_LAW = 0.4
 
 
-def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
-    """Solve for a limit cycle, a fixed point of the return map, by damped Newton iteration in
-    double.
+def shoot(
+    return_map: ReturnMap[C], guess: Sequence[float], *, within: float = math.inf
+) -> FixedPoint[C]:
+    """Solve for a fixed point by damped Newton iteration in double.
 
     The iteration does not follow an amplitude below a fifth of the guess's: it then shrinks towards
     the equilibrium, which is the trivial solution.
@@ -53,10 +62,13 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
     Args:
         return_map: The map at the speed wanted, in double.
         guess: The section's two coordinates.
+        within: The largest relative distance of the first coordinate from the guess's. A cycle
+            farther away is not trusted.
 
     Raises:
         InputError: If the guess does not have two components.
-        NoSuchCycleError: If the iteration does not converge, or shrinks towards the equilibrium.
+        NoSuchCycleError: If the iteration does not converge, shrinks towards the equilibrium, or
+            ends far from its guess.
     """
     if len(guess) != 2:
         raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
@@ -65,12 +77,15 @@ def shoot(return_map: ReturnMap[C], guess: Sequence[float]) -> FixedPoint[C]:
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MAX_STEPS} steps")
     # The round-off of half a period is some hundred ulps of the state.
     stop = Stop(_MAX_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
-    return newton(
+    cycle = newton(
         return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True
     )
+    if abs(cycle.point[0] - point[0]) >= within * abs(point[0]):
+        raise NoSuchCycleError("the shooting iteration ended far from its guess")
+    return cycle
 
 
-@undisturbed
+@undisturbed()
 def limit_cycle(
     parameters: Parameters,
     omega: object,
@@ -102,7 +117,10 @@ def limit_cycle(
     """
     return_map = ReturnMap(LIBRATING, parameters, checked_speed(omega), engine)
     digits = checked_digits(digits)
-    fixed_point = None if guess is not None else shoot_from_amplitude_law(return_map)
+    fixed_point = None
+    if guess is None:
+        with suppress(NoSuchCycleError):
+            fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
     if fixed_point is None:
         if guess is None:
             from tippedisk_verify.cycles.spectral import approximate_cycle  # loads collocation
@@ -116,8 +134,8 @@ def limit_cycle(
     )
 
 
-def shoot_from_amplitude_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[LimitCycle] | None:
-    """Solve for a librating limit cycle by Newton's iteration, starting from the one-harmonic law.
+def amplitude_law_guess(return_map: ReturnMap[LimitCycle]) -> tuple[float, float]:
+    """Return the one-harmonic law's cycle as a guess for `shoot`.
 
     The law costs nothing and is good where cycles are small.
 
@@ -125,13 +143,12 @@ def shoot_from_amplitude_law(return_map: ReturnMap[LimitCycle]) -> FixedPoint[Li
         return_map: The map at the speed wanted, in double.
 
     Returns:
-        The fixed point, or None if the iteration fails or ends far from its guess: such a cycle is
-        not trusted.
+        (gamma_bar, v) [rad, rad/s] on the section.
+
+    Raises:
+        NoSuchCycleError: If the law has no cycle at the speed, or one that is too large.
     """
     law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
-    if law is not None and law[0] < _MAX_LAW_AMPLITUDE:
-        with suppress(NoSuchCycleError):
-            fixed_point = shoot(return_map, law[:2])
-            if abs(fixed_point.point[0] / law[0] - 1) < _NEAR_THE_LAW:
-                return fixed_point
-    return None
+    if law is None or law[0] >= _MAX_LAW_AMPLITUDE:
+        raise NoSuchCycleError("the one-harmonic law has no cycle at this speed that is a guess")
+    return law[0], law[1]

@@ -73,7 +73,7 @@ class BalancedCycle(Printable):
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
 
 
-@undisturbed
+@undisturbed()
 def balanced_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
 ) -> BalancedCycle:

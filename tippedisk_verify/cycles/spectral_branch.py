@@ -211,7 +211,7 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
         )
         if second is None:
             raise not_converged_error(len(first) - 2)
-        points = _walk(parameters, kind, first, second, math.inf)
+        points = _follow_branch(parameters, kind, first, second, math.inf)
     next(points)
     for point, turns in points:
         if turns:
@@ -220,7 +220,7 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 
 
 # --------------------------------------------------------------------------------------- the branch
-def _walk(
+def _follow_branch(
     parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
 ) -> Iterator[tuple[Any, bool]]:
     """Yield the points of a branch of limit cycles one after the other, folds included, from its
@@ -248,7 +248,7 @@ def _walk(
             length /= 2
             if length < 1e-3:
                 raise not_converged_error(n)
-            point = _grown(kind, point, 0.0)
+            point = _scaled_point(kind, point, 0.0)
             continue
         passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
@@ -263,11 +263,11 @@ def _walk(
         rests = point[-2] < fastest / _LONG and _FAR * abs(along[-1]) < abs(target - point[-1])
         if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT_LEAN:
             return
-        before, point = point, _grown(kind, ahead, _MAX_TAIL)
+        before, point = point, _scaled_point(kind, ahead, _MAX_TAIL)
         length = min(1.3, 2 * length)
 
 
-def _grown(kind: Kind, point: Any, small: float) -> Any:
+def _scaled_point(kind: Kind, point: Any, small: float) -> Any:
     harmonics = sizes(kind, point[:-2])
     if harmonics[-2:].max() > small * harmonics[0] and len(point) < MAX_SAMPLES // 4:
         return resampled(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
@@ -277,7 +277,7 @@ def _grown(kind: Kind, point: Any, small: float) -> Any:
 # --------------------------------------------------------------------------------- librating cycles
 def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[Any, bool]]:
     """Return a generator that follows the librating limit cycles from the Hopf point on, and yields
-    what `_walk` yields.
+    what `_follow_branch` yields.
     """
     # The square of beta's amplitude over that of gamma's.
     share = float(parameters.e / (parameters.r + parameters.e))
@@ -298,7 +298,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     cycle = newton(Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth)
     if cycle is None:
         raise not_converged_error(_FIRST_SAMPLES)
-    return _walk(parameters, Kind.LIBRATING, birth, cycle, target)
+    return _follow_branch(parameters, Kind.LIBRATING, birth, cycle, target)
 
 
 def branch_to(parameters: Parameters, target: Fraction) -> Any:
@@ -362,7 +362,7 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
     """
     a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
     for lean in _START_LEANS if stable else _START_LEANS[::-1]:
-        point = newton(a, _rolling(parameters, omega, lean))
+        point = newton(a, _rolling_disk_cycle(parameters, omega, lean))
         if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
             return point
     raise NoSuchCycleError(
@@ -370,7 +370,7 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
     )
 
 
-def _rolling(parameters: Parameters, omega: float, lean: float) -> Any:
+def _rolling_disk_cycle(parameters: Parameters, omega: float, lean: float) -> Any:
     """Return a guess of a rotating cycle, as a collocation point (n + 2,): a rotation of the
     rolling disk with beta_bar = lean at the bottom.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from tippedisk_verify.audit.catalogue import claims_drawn_in
-from tippedisk_verify.figures import disk, family, local, race, state_space
+from tippedisk_verify.figures import eigenvalues, family, inversion, race, state_space
 from tippedisk_verify.figures.exhibit import Exhibit
 
 __all__ = ["EXHIBITS", "exhibits_for"]
 
 EXHIBITS: tuple[Exhibit, ...] = (
-    disk.inversion,
-    local.eigenvalues,
+    inversion.inversion,
+    eigenvalues.eigenvalues,
     family.branch,
     state_space.scenes_3d,
     family.scenario,

@@ -1,4 +1,4 @@
-"""The families of limit cycles, librating (the paper's Figures HBM and Shooting) and rotating."""
+"""The diagrams of the families of limit cycles, librating (Figures HBM and Shooting) and rotating."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.cycles.branch import family, found, rotating_branch
+from tippedisk_verify.cycles.branch import cycles_found, family, rotating_branch
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import locator_of
@@ -49,7 +49,7 @@ def _rows(cycles: Sequence[LimitCycle | RotatingCycle], *ends: tuple[float, ...]
     )
 
 
-def _birth(parameters: Parameters) -> tuple[float, ...]:
+def _hopf_row(parameters: Parameters) -> tuple[float, ...]:
     """Return the row of the Hopf point in a plot of limit cycles: Omega_crit, no amplitude, the
     period there, and the multiplier 1.
     """
@@ -111,7 +111,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
 def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the audited disk's family of limit cycles with both one-harmonic laws."""
     parameters = audit.parameters
-    rows = _rows(audit.family(parameters.name), _birth(parameters))
+    rows = _rows(audit.family(parameters.name), _hopf_row(parameters))
     speeds = [row[0] for row in rows]
     curves = {
         "shooting": rows,
@@ -230,19 +230,21 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
         NoSuchCycleError: If no rotating cycles are found.
     """
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
-    omega_h, birth = audit.omega_h(name), _birth(parameters)
-    fold = fold_in_double(locator_of(parameters, engine).rotations)
+    omega_h, birth = audit.omega_h(name), _hopf_row(parameters)
+    fold = fold_in_double(locator_of(parameters, engine).rotating_family)
     lowest = Fraction(fold["omega"])
     gap = omega_h.value - lowest
     # Curves are steepest at the fold and next to Omega_h, so the speeds are densest there.
     steps = [gap * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
     librating = [
         *audit.family(name),
-        *found(family(parameters, engine, omegas=[omega_h.value + s for s in steps])),
+        *cycles_found(family(parameters, engine, omegas=[omega_h.value + s for s in steps])),
     ]
     reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
     beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
-    rotating = found(rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond]))
+    rotating = cycles_found(
+        rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond])
+    )
     end = (fold["omega"], fold["beta_max"], fold["period"], 1.0)
     families = {
         _LIBRATING: _rows(librating, birth),

@@ -1,6 +1,6 @@
 """Integration of states: one `contract`, the Taylor engine and SciPy's integrators.
 
-`taylor` runs one motion at a time, `lanes` many at once, and `baseline` wraps SciPy.
+`taylor` runs one motion at a time, `batch` many at once, and `baseline` wraps SciPy.
 """
 
 from __future__ import annotations
@@ -9,8 +9,8 @@ from threading import local
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from tippedisk_verify.flow.batch import BatchTaylor
     from tippedisk_verify.flow.contract import Engine
-    from tippedisk_verify.flow.lanes import BatchTaylor
 
 __all__ = ["default_engine", "default_lanes"]
 
@@ -36,7 +36,7 @@ def default_lanes() -> BatchTaylor:
     It is kept, so that each thread compiles only once.
     """
     if not hasattr(_THREAD_ENGINES, "lanes"):
-        from tippedisk_verify.flow.lanes import BatchTaylor
+        from tippedisk_verify.flow.batch import BatchTaylor
 
         _THREAD_ENGINES.lanes = BatchTaylor()
     return _THREAD_ENGINES.lanes  # type: ignore[no-any-return]

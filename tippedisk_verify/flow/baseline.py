@@ -54,7 +54,7 @@ class _OutOfStepsError(Exception):
     pass
 
 
-class _Counted:
+class _CountedRates:
     """The right-hand side of the equations of motion for SciPy, with its evaluations counted and
     limited.
     """
@@ -159,7 +159,7 @@ class Baseline:
         watched = list(request.events)
         if request.domain != "none" and FLAT not in watched:
             watched.append(FLAT)
-        counted = _Counted(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
+        counted = _CountedRates(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
         events = [_event(event, start) for event in watched]
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.

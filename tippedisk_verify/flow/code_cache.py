@@ -37,7 +37,7 @@ _COLUMNS = ", ".join(f"CAST({name} AS BLOB)" for name in _READ_COLUMNS)
 _ENTRIES = f"SELECT hash, digest, {_COLUMNS} FROM cache LEFT JOIN digests USING (hash)"
 _TABLE = "CREATE TABLE IF NOT EXISTS digests (hash INTEGER PRIMARY KEY, digest BLOB NOT NULL)"
 _DELETE_ORPHANS = "DELETE FROM digests WHERE hash NOT IN (SELECT hash FROM cache)"
-_RECKON = (
+_UPDATE_TOTAL_SIZE = (
     "UPDATE config SET value = (SELECT COALESCE(SUM(size), 0) FROM cache) WHERE key = 'total_size'"
 )
 # heyoka's state, the file, its note, and the size of all entries when each had a checksum.
@@ -58,8 +58,8 @@ def use_checked_cache(llvm_state: Any) -> None:
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
             path, note = (folder.absolute() / name for name in ("cache.db", "cache.db-sound"))
             note.touch()
-            if path.exists() and note.read_bytes() != _stamp(path):
-                _settle(path, note, adding=False, checking=True)
+            if path.exists() and note.read_bytes() != _file_state(path):
+                _check_entries(path, note, adding=False, checking=True)
             llvm_state.set_diskcache_path(str(path.parent))
             llvm_state.set_diskcache_limit(_MAX_CACHE_BYTES)
             llvm_state.set_diskcache_enabled(True)
@@ -78,20 +78,20 @@ def add_checksums(*, ending: bool = False) -> None:
         llvm_state, path, note, before = _in_use
         _in_use[3] = size = llvm_state.get_diskcache_size()
         if ending or size != before:
-            sound = note.read_bytes() == _stamp(path)
+            sound = note.read_bytes() == _file_state(path)
             # heyoka closes the file: two SQLite libraries undo each other's locks
             llvm_state.set_diskcache_path(str(path.parent))
-            _settle(path, note, adding=True, checking=not sound)
+            _check_entries(path, note, adding=True, checking=not sound)
 
 
-def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
+def _check_entries(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
     """Add or check checksums in the cache file of compiled code, then note the file's state.
 
     The state is not noted if another process is changing the file. A file that is not a cache is
     removed. No Python function is registered with SQLite, because it would mistake a Ctrl-C in one
     for a fault of the file and hide it.
     """
-    before = _stamp(path)
+    before = _file_state(path)
     try:
         with closing(
             sqlite3.connect(f"{path.as_uri()}?mode=rw", uri=True, isolation_level=None)
@@ -112,11 +112,11 @@ def _settle(path: Path, note: Path, *, adding: bool, checking: bool) -> None:
                 ]
                 base.executemany("DELETE FROM cache WHERE hash = ?", wrong)
                 base.execute(_DELETE_ORPHANS)
-                base.execute(_RECKON)
+                base.execute(_UPDATE_TOTAL_SIZE)
             base.execute("COMMIT")
-            alone = _stamp(path) == before
+            alone = _file_state(path) == before
         if alone and not path.with_name("cache.db-wal").exists():
-            note.write_bytes(_stamp(path))
+            note.write_bytes(_file_state(path))
     except sqlite3.DatabaseError as fault:
         if (
             isinstance(fault, sqlite3.OperationalError)
@@ -132,6 +132,6 @@ def _digest(values: list[bytes | None]) -> bytes:
     return sha256(b"%a" % [*map(len, parts)] + b"".join(parts)).digest()
 
 
-def _stamp(path: Path) -> bytes:
+def _file_state(path: Path) -> bytes:
     status = path.stat()
     return b"%d %d %d" % (status.st_size, status.st_mtime_ns, status.st_ctime_ns)

@@ -27,6 +27,7 @@ from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
     "FLAT",
+    "GAMMA_TOP",
     "MAX_STEPS",
     "SECTION",
     "SLIDING_REVERSAL",
@@ -177,6 +178,13 @@ FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta)
 SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
 #: v = 0: beta is extreme.
 TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
+#: gamma = pi/2 modulo 2 pi, passed upward: the centre of gravity is at its top. The run goes on.
+GAMMA_TOP = Event(
+    "top",
+    lambda ops, constants, omega, beta, gamma, v: ops.cos(gamma),
+    direction=-1,
+    terminal=False,
+)
 #: gamma_y / sin(beta) = 0: the sliding velocity changes sign.
 SLIDING_REVERSAL = Event(
     "surface",
@@ -363,7 +371,7 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, if the method counts them
     built: tuple[Build, ...] = ()  #: the compiled integrators used
-    series: Any = None  #: the steps' polynomials (`flow.integrator.Series`), if they are needed
+    series: Any = None  #: the steps' polynomials (`flow.stepper.Series`), if they are needed
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 

@@ -1,4 +1,5 @@
-"""The error of a run in doubles from the defect of its Taylor polynomials.
+"""The defect of a run's Taylor polynomials, and the error that it causes, carried from step to
+step.
 
 **Definition.** A run is a polynomial p for each of its steps. Only two things are wrong with it:
 its *defect* f(p) - p', and its jumps from the end of one step to the start of the next. The true
@@ -29,7 +30,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
 
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.integrator import Series
+from tippedisk_verify.flow.stepper import Series
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -96,13 +97,13 @@ class Defect:
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
         solved = self._solved(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]
-        self._carry = numpy.eye(3) + self._gained(self._homogeneous)
+        self._carry = numpy.eye(3) + self._error_gains(self._homogeneous)
         starts = series.coefficients[0].astype(wide.type)
-        gained = self._gained(solved[..., 3:])
+        gained = self._error_gains(solved[..., 3:])
         gained[:-1, :, 0] += (self._polynomial(lengths)[:, :-1, 0] - starts[:, 1:]).T.astype(float)
         start = (wide.array(request.state) - starts[:, 0]).astype(float)
         noise = _roundings(numpy.maximum(self._terms[0], abs(in_doubles).max(axis=2)), moves)
-        carried = _carried(
+        carried = _propagated_errors(
             self._carry,
             numpy.column_stack((start, noise[0])),
             numpy.concatenate((gained, noise), axis=2),
@@ -149,7 +150,9 @@ class Defect:
         slopes = self._slopes + numpy.moveaxis(self._rates, 2, 0)
         rest = (self.rates(self._nodes + numpy.moveaxis(errors, 2, 0)) - slopes).astype(float)
         solved = self._solved(numpy.moveaxis(rest, 0, 2)[..., None])
-        carried = _carried(self._carry, numpy.zeros((3, 1)), self._gained(solved))[:, :, 0]
+        carried = _propagated_errors(self._carry, numpy.zeros((3, 1)), self._error_gains(solved))[
+            :, :, 0
+        ]
         self.errors = self.errors + carried
         self._rates = self._rates + self._rates_of(carried, solved[..., 0])
         return float((numpy.abs(carried[1:]) / self.roundings[1:]).max())
@@ -273,7 +276,7 @@ class Defect:
             right.shape
         )
 
-    def _gained(self, rates: Any) -> Any:
+    def _error_gains(self, rates: Any) -> Any:
         """Return the integrals (n, 3, k) of the errors' rates over each step: the errors gained in
         it.
         """
@@ -330,7 +333,7 @@ def _signs(count: int) -> Any:
     return numpy.random.default_rng(1).choice([-1.0, 1.0], size=(count, 3, _RANDOM_DRAWS))
 
 
-def _carried(carry: Any, start: Any, gained: Any) -> Any:
+def _propagated_errors(carry: Any, start: Any, gained: Any) -> Any:
     """Add up errors along a run: return them at the start and after each step, (n + 1, 3, k).
 
     Each step multiplies the errors by its matrix ``carry`` and adds its own, ``gained``.

@@ -1,9 +1,9 @@
-"""The error of a run in doubles, and its corrected numbers, from the defect of its series.
+"""The half-widths of a motion in doubles: end, samples, events and derivatives, from its defect.
 
 Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
 defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the
 remaining error. Both are derived in docs/error_of_a_run.md. Where an error is too large for this
-method, or decides whether an event is met, runs in wider arithmetic decide (`flow.comparison`).
+method, or decides whether an event is met, runs in wider arithmetic decide (`flow.wider_run`).
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "from_defect"]
 PLAIN_DIGITS = 12
 
 
-class _Method(NamedTuple):
+class _DefectMethod(NamedTuple):
     """A method of the error estimate: the arithmetic and the collocation nodes with which the
     defect is evaluated, up to a number of digits.
     """
@@ -47,11 +47,11 @@ class _Method(NamedTuple):
 
 
 _METHODS = (
-    _Method(PLAIN_DIGITS, EXTENDED, 3, 0),
-    _Method(PLAIN_DIGITS, EXTENDED, 8, 5),
-    _Method(16, EXTENDED, 5, 3),
-    _Method(20, QUADRUPLE, 10, 8),
-    _Method(25, QUADRUPLE, 18, 16),
+    _DefectMethod(PLAIN_DIGITS, EXTENDED, 3, 0),
+    _DefectMethod(PLAIN_DIGITS, EXTENDED, 8, 5),
+    _DefectMethod(16, EXTENDED, 5, 3),
+    _DefectMethod(20, QUADRUPLE, 10, 8),
+    _DefectMethod(25, QUADRUPLE, 18, 16),
 )
 #: The number of digits up to which a run in doubles suffices, once its error is added.
 CORRECTED_DIGITS = _METHODS[-1].digits
@@ -183,8 +183,8 @@ def _reached(digits: int, result: Result) -> bool:
     )
 
 
-def _refined(request: Request, result: Result, method: _Method) -> Result:
-    run = _Run(request, result, method)
+def _refined(request: Request, result: Result, method: _DefectMethod) -> Result:
+    run = _RunWithError(request, result, method)
     times = numpy.empty(0) if request.times is None else method.wide.sequence(request.times)
     reached = times[abs(times.astype(float)) <= abs(result.time)]
     crossings = [run.crossing(record) for record in result.events]
@@ -214,7 +214,7 @@ def _refined(request: Request, result: Result, method: _Method) -> Result:
     )
 
 
-class _Crossing(NamedTuple):
+class _CrossingWithError(NamedTuple):
     """A crossing of an event's surface by the true motion, corrected for the run's error."""
 
     record: EventRecord  #: in wide arithmetic
@@ -224,10 +224,10 @@ class _Crossing(NamedTuple):
     moves: Any  #: (3,) the motion of the state within the half-width of the time
 
 
-class _Run:
+class _RunWithError:
     """A run in doubles with its estimated error, from the defect of its polynomials."""
 
-    def __init__(self, request: Request, result: Result, method: _Method) -> None:
+    def __init__(self, request: Request, result: Result, method: _DefectMethod) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
@@ -241,7 +241,10 @@ class _Run:
         if not self._resolved(method.fewer):
             raise Unresolved
         #: The uncertainty of the errors, in carried roundings.
-        self._share = _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits) + self._swept()
+        self._share = (
+            _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits)
+            + self._corrected_to_second_order()
+        )
         if method.fewer:
             self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
         else:
@@ -263,7 +266,7 @@ class _Run:
             and defect.last_term < _LIMITS.last_term
         )
 
-    def _swept(self) -> float:
+    def _corrected_to_second_order(self) -> float:
         """Correct the estimated errors of the run to second order, by sweeps of deferred
         correction.
 
@@ -335,7 +338,7 @@ class _Run:
     def _left(self, roundings: Any, nodes: Any) -> Any:
         return self._share * roundings + DISTANCES * nodes
 
-    def crossing(self, record: EventRecord) -> _Crossing:
+    def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion crosses an event's surface, with half-widths, from the
         crossing that the run has recorded.
 
@@ -373,7 +376,7 @@ class _Run:
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, left)[:, 0] + moves
-        return _Crossing(
+        return _CrossingWithError(
             EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
         )
 

@@ -1,4 +1,4 @@
-"""Starts on an event's surface, which must not count as crossings: their surfaces and durations."""
+"""The start of a run on an event's surface, which must not count as a crossing of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The systems that heyoka compiles for a request, and twins of a run's inputs.
+"""The systems that heyoka compiles for a request, and a run's inputs with moved last bits (twins).
 
 A system consists of the field's expressions, the variations and the event functions.
 """

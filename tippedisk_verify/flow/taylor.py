@@ -17,12 +17,12 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.comparison import compared
-from tippedisk_verify.flow.compiled import CompiledRunners
+from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
-from tippedisk_verify.flow.integrator import CompiledStepper
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
+from tippedisk_verify.flow.stepper import CompiledStepper
+from tippedisk_verify.flow.wider_run import compared
 from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
@@ -109,9 +109,10 @@ class Taylor:
         shape = (request.shifted, request.variations, request.divergence, events)
         key = (precision, request.law, request.tolerance, *shape)
         compact = self._compact if self._compact is not None else precision != DOUBLE
-        result: Result = self._integrators.run(
-            key, lambda: CompiledStepper(request, events, self._options, compact), request
-        )
+        with self._integrators.reserved(
+            key, lambda: CompiledStepper(request, events, self._options, compact)
+        ) as stepper:
+            result: Result = stepper.run(request)
         if request.domain == "samples" and _outside(request, result):
             # This is rare. Only now is the event worth compiling, and only it finds the time.
             return self(replace(request, domain="event"))

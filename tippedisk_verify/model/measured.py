@@ -1,4 +1,4 @@
-"""Computed results: a value with a half-width that holds the truth.
+"""A number with its half-width: its arithmetic, comparison, and the digits that are printed.
 
 The half-width still holds the truth after numbers are printed, compared or combined. `DISTANCES` is
 the factor from a distance between two runs to a half-width.

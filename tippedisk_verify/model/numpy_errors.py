@@ -7,33 +7,27 @@ results are tested for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import cached_property, wraps
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
 from inspect import isfunction
-from typing import ParamSpec, TypeVar
+from typing import TypeVar
 
 __all__ = ["undisturbed", "undisturbed_methods"]
 
-P = ParamSpec("P")
-R = TypeVar("R")
 C = TypeVar("C", bound=type)
 
 
-def undisturbed(function: Callable[P, R]) -> Callable[P, R]:
-    """Wrap a public function so that NumPy's floating-point errors are ignored while it runs.
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Ignore NumPy's floating-point errors while the context is entered.
 
-    Args:
-        function: The function.
+    ``@undisturbed()`` decorates a public function. NumPy is loaded when the function is called.
     """
+    import numpy
 
-    @wraps(function)
-    def call(*args: P.args, **options: P.kwargs) -> R:
-        import numpy
-
-        with numpy.errstate(all="ignore"):
-            return function(*args, **options)
-
-    return call
+    with numpy.errstate(all="ignore"):
+        yield
 
 
 def undisturbed_methods(kind: C) -> C:
@@ -49,11 +43,11 @@ def undisturbed_methods(kind: C) -> C:
         if name[0] == "_" and name != "__call__":
             continue
         if isfunction(member):
-            setattr(kind, name, undisturbed(member))
+            setattr(kind, name, undisturbed()(member))
         elif isinstance(member, classmethod):
-            setattr(kind, name, classmethod(undisturbed(member.__func__)))
+            setattr(kind, name, classmethod(undisturbed()(member.__func__)))
         elif isinstance(member, cached_property):
-            member.func = undisturbed(member.func)
+            member.func = undisturbed()(member.func)
         elif isinstance(member, property) and member.fget is not None:
-            setattr(kind, name, property(undisturbed(member.fget)))
+            setattr(kind, name, property(undisturbed()(member.fget)))
     return kind

@@ -1,4 +1,4 @@
-"""The parameters of a tippedisk, exact and validated, with the friction law.
+"""The parameters of a tippedisk: the named sets such as Table 1, their checks, and disk files.
 
 Three named sets describe the paper's disk:
 

@@ -1,4 +1,4 @@
-"""The display of results: as data for JSON, in lines with units, and as a table."""
+"""The display of results: data for JSON, lines with units, tables, and fields with their meaning."""
 
 from __future__ import annotations
 

@@ -13,11 +13,19 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from tippedisk_verify.cycles.at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import ROTATING, ROUND
+from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import (
+    GAMMA_TOP,
+    SECTION,
+    Engine,
+    Event,
+    Request,
+    Result,
+    Status,
+)
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -36,8 +44,6 @@ _ROOT_FACTOR = 4
 _SEARCH_RADIUS = 1e-6  # rad about a root, in which the root after another number of turns lies
 _INFINITE_DISTANCE = math.pi  # rad; stands for an infinite distance from the sheet
 _ROUNDINGS = Fraction(1, 10**14)  # rad; the effect of the last bits of the start and of pi
-_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
-_BETA_SECTION = Event("upright", SECTION.function)
 
 
 class BasinBoundary(Printable):
@@ -151,8 +157,8 @@ class BasinBoundary(Printable):
             return -math.inf
         # The turns of orbits farther inside take longer
         long = (turns + 2) * 4 * float(self.cycle.period)
-        result = self._flight((beta, gamma, v), long, (_GAMMA_TOP, _BETA_SECTION))
-        tops = [record.state.tolist() for record in result.events if record.name == _GAMMA_TOP.name]
+        result = self._flight((beta, gamma, v), long, (GAMMA_TOP, SECTION))
+        tops = [record.state.tolist() for record in result.events if record.name == GAMMA_TOP.name]
         if len(tops) < turns:
             return math.inf if result.status is Status.FLAT else -math.inf
         beta, _, v = tops[turns - 1]

@@ -20,12 +20,11 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.at_speed import cycle_at, rotating_cycle
-from tippedisk_verify.cycles.section import ROUND
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at, rotating_cycle
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
-from tippedisk_verify.flow.contract import FLAT, SECTION, Event, Request, Status
-from tippedisk_verify.flow.lanes import field_constants
+from tippedisk_verify.flow.batch import field_constants
+from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Request, Status
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
@@ -49,11 +48,11 @@ _LAST_PERIODS = 2.5  # periods of the cycle, which decide instead if they take l
 _MAX_RUN = 8  # the longest run of an undecided state, in units of the duration
 _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
-_TOP_OR_BOTTOM = Event("top or bottom", ROUND.function, terminal=False)
+_TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TOP.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
 SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
 
-_Crossing = tuple[str, Sequence[float]]  # event and state
+_NamedState = tuple[str, Sequence[float]]  # event and state
 
 
 @dataclass(frozen=True, repr=False)
@@ -107,7 +106,7 @@ class Basins(Printable):
         }
 
 
-@undisturbed
+@undisturbed()
 def basins(
     parameters: Parameters,
     omega: object,
@@ -212,7 +211,7 @@ class Attractors:
         stable = is_stable(linearization(parameters, omega))
         return cls(amplitude, lean, stable, max(_LAST_SECONDS, _LAST_PERIODS * period))
 
-    def ending(self, crossings: Sequence[_Crossing]) -> str:
+    def ending(self, crossings: Sequence[_NamedState]) -> str:
         """Return the outcome of an orbit, the attractor that it approaches, from its recorded
         crossings.
 
@@ -284,7 +283,7 @@ def classified_lanes(
 
 def _run(
     parameters: Parameters, omega: Fraction, now: Any, duration: float, *, record: bool
-) -> tuple[Any, Any, dict[int, list[_Crossing]]]:
+) -> tuple[Any, Any, dict[int, list[_NamedState]]]:
     """Integrate all states (n, 3) for a duration [s].
 
     They run in lanes. The default engine, one run at a time, computes what a lane cannot finish.
@@ -304,7 +303,7 @@ def _run(
         events=events,
     )
     states, flat = batch.states.copy(), numpy.zeros(count, dtype=bool)
-    crossings: dict[int, list[_Crossing]] = defaultdict(list)
+    crossings: dict[int, list[_NamedState]] = defaultdict(list)
     for name, n, _, state in batch.crossings:
         crossings[n].append((name, state))
         flat[n] |= name == _FLAT.name

@@ -1,4 +1,6 @@
-"""The integration of a motion for a user: the request, and the solution from its result."""
+"""The request of `Disk.integrate`: defaults, named events and notes; and the solution from its
+result.
+"""
 
 from __future__ import annotations
 

@@ -208,7 +208,7 @@ class Solution(Printable):
     def save(self, path: str | PathLike[str]) -> Path:
         """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.
 
-        The file is described in `tippedisk_verify.model.saved`. Its keys are the attributes' names;
+        The file is described in `tippedisk_verify.model.result_format`. Its keys are the attributes' names;
         ``t`` has the exact times. A loaded solution has its samples, events and derivatives, but no
         continuous output: ``solution(t)`` is refused.
 
@@ -222,7 +222,7 @@ class Solution(Printable):
             InputError: If the friction law is a user's own, a state is not finite, or the file
                 cannot be written.
         """
-        from tippedisk_verify.motion.saved import save_solution
+        from tippedisk_verify.motion.result_files import save_solution
 
         return save_solution(self, path)
 

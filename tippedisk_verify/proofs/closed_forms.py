@@ -79,7 +79,7 @@ __all__ = [
 
 Criticality = Literal["supercritical", "subcritical"]
 _BITS = 128  # the precision that decides on which side of Omega_crit a speed lies
-_AROUND = {"inverted": INVERTED, "noninverted": NONINVERTED}
+_EQUILIBRIA = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
 @dataclass(frozen=True, repr=False)
@@ -189,10 +189,10 @@ def proved_equilibrium(
     out of range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is
     double.
     """
-    if name not in _AROUND:
+    if name not in _EQUILIBRIA:
         raise InputError(f"equilibrium '{shown(name)}' is unknown: use inverted or noninverted")
     speed = checked_speed(omega)
-    polynomial = exact_polynomial(parameters.rational(), speed, _AROUND[name])
+    polynomial = exact_polynomial(parameters.rational(), speed, _EQUILIBRIA[name])
     a0, a1, a2, _ = polynomial.coeffs()
 
     def roots() -> dict[str, Any]:
@@ -201,7 +201,9 @@ def proved_equilibrium(
     enclosed: list[Any] = []
     eigenvalues: list[Eigenvalue] = []
     unstable, wanted = 0, digits
-    while not _apart(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3:
+    while (
+        not _disjoint(eigenvalues) or unstable + sum(negative(root.real) for root in enclosed) != 3
+    ):
         # More digits decide every sign, except for a real part of exactly zero or a double root.
         if wanted > 16 * digits + 1000:
             raise AccuracyError(
@@ -330,7 +332,7 @@ def _hopf_statement(
     )
 
 
-def _apart(roots: list[Eigenvalue]) -> bool:
+def _disjoint(roots: list[Eigenvalue]) -> bool:
     """Return True if there are three eigenvalues and the rectangles that enclose them are disjoint
     even when doubled.
 

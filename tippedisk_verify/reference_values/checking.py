@@ -16,7 +16,7 @@ from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, case_of, disagreements
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
 from tippedisk_verify.reference_values.questions import table_row
-from tippedisk_verify.reference_values.store import Quantity, Store, table_rows
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
 from tippedisk_verify.reference_values.truths import compute_again
 
 __all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]
@@ -43,7 +43,7 @@ class StoredItem:
     """A question of the reference data, with the stored numbers that answer it."""
 
     item: Item
-    quantities: tuple[Quantity, ...]
+    quantities: tuple[ReferenceValue, ...]
 
     def values(self, reading: Reading) -> Values:
         """Return the stored numbers for one reading of the inputs, by name."""

@@ -13,7 +13,7 @@ from tippedisk_verify.files import file_ending_in, output_file, write_table, wri
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
-from tippedisk_verify.reference_values.store import Quantity
+from tippedisk_verify.reference_values.store import ReferenceValue
 
 __all__ = ["FORMATS", "export"]
 
@@ -28,7 +28,7 @@ _MAX_NAME = 63  # characters of a name, the limit of Fortran and of MATLAB
 Row = tuple[list[str], list[float]]  #: the values of `_TEXTS` and of `_FIELDS`
 
 
-def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
+def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
     """Write reference values to a file.
 
     A test file has the values computed from doubles, and how far an answer may be off. Its array
@@ -65,11 +65,11 @@ def export(quantities: Sequence[Quantity], form: str, path: str) -> Path:
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
 
-def _row(quantity: Quantity) -> dict[str, str]:
+def _row(quantity: ReferenceValue) -> dict[str, str]:
     return table_row(disk_of(quantity.set).decimals(), quantity)
 
 
-def _fields(quantity: Quantity) -> Row:
+def _fields(quantity: ReferenceValue) -> Row:
     row = _row(quantity)
     scale = scale_of(quantity, Decimal(row["value_from_doubles"]))
     tolerance = max(float(scale) * 10 ** -needed(quantity), float(row["rounding"]))

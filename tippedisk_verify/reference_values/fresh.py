@@ -24,7 +24,7 @@ from tippedisk_verify.reference_values.entries import (
     case_of,
     trimmed,
 )
-from tippedisk_verify.reference_values.store import Quantity, Store, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -187,7 +187,7 @@ def with_fresh(
         )
     sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
     wanted = [item for name in sets for item in _items(name) if item.id in named]
-    truths: list[Quantity] = []
+    truths: list[ReferenceValue] = []
     for item in wanted:
         truths += _truths(item.id)
         advance(item.id, 1)
@@ -199,7 +199,7 @@ def with_fresh(
 
 
 @lru_cache(maxsize=_MAX_ENTRIES)
-def _truths(item_id: str) -> tuple[Quantity, ...]:
+def _truths(item_id: str) -> tuple[ReferenceValue, ...]:
     item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
     values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}
     slopes = condition(case_of(item, "decimals"), values["decimals"])

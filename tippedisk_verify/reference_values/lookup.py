@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.store import Quantity, Reading, Store, stored
+from tippedisk_verify.reference_values.store import Reading, ReferenceValue, Store, stored
 
 __all__ = ["full_id", "reference", "references"]
 
 _MAX_NEAR = 5  # ids that an error message suggests
 
 
-def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quantity]:
+def references(prefix: str = "", *, reading: Reading = "decimals") -> list[ReferenceValue]:
     """Return all reference values whose id starts with ``prefix``, in order of difficulty.
 
     Args:
@@ -42,7 +42,7 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Quant
     return found
 
 
-def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
+def reference(id_: str, *, reading: Reading = "decimals") -> ReferenceValue:
     """Return the installed reference value with an id.
 
     Args:
@@ -57,7 +57,7 @@ def reference(id_: str, *, reading: Reading = "decimals") -> Quantity:
     id_ = full_id(id_)
     quantity = _with_drawn(id_).get(id_)
     if quantity is None:
-        near = _near(id_[:200])
+        near = _similar_ids(id_[:200])
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
     return quantity.read_from(reading)
@@ -68,7 +68,7 @@ def full_id(id_: str) -> str:
     return re.sub("^printed(?=/|$)", "table1", id_)
 
 
-def _near(asked: str) -> list[str]:
+def _similar_ids(asked: str) -> list[str]:
     """Return at most five ids that resemble a wrong one, the most similar first.
 
     Ids with the same ending are preferred to those that share its longest beginning.

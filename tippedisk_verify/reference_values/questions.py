@@ -12,7 +12,7 @@ from decimal import Decimal
 
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity, is_optional
+from tippedisk_verify.reference_values.store import ReferenceValue, is_optional
 
 __all__ = [
     "COLUMNS",
@@ -103,7 +103,7 @@ def placed(name: str, kind: str) -> tuple[str, dict[str, str]]:
     return name, {}
 
 
-def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
+def question_fields(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[str, str]:
     """Return a question as texts by column, without the columns that do not apply.
 
     Args:
@@ -128,7 +128,7 @@ def question_fields(parameters: Mapping[str, str], quantity: Quantity) -> dict[s
     }
 
 
-def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
+def scale_of(quantity: ReferenceValue, value: Decimal) -> Decimal:
     """Return the size relative to which the error of an answer is measured.
 
     This is the size of the value. At level 1 it is the largest condition number if that is larger,
@@ -144,7 +144,7 @@ def scale_of(quantity: Quantity, value: Decimal) -> Decimal:
 
 
 @arithmetic()
-def slopes_of(quantity: Quantity) -> Decimal:
+def slopes_of(quantity: ReferenceValue) -> Decimal:
     """Return the largest change of a reference value per relative change of its inputs, if each
     changes in its worse direction.
     """
@@ -152,7 +152,7 @@ def slopes_of(quantity: Quantity) -> Decimal:
 
 
 @arithmetic()
-def needed(quantity: Quantity) -> float:
+def needed(quantity: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 
     It is the level's number, or less if a change of the inputs by `TOLERANCES` spoils more digits.
@@ -167,7 +167,7 @@ def needed(quantity: Quantity) -> float:
     return round(digits, 3)  # the same on every processor
 
 
-def table_row(parameters: Mapping[str, str], quantity: Quantity) -> dict[str, str]:
+def table_row(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[str, str]:
     """Return the row of a reference value in values.csv, by column.
 
     Args:

@@ -26,13 +26,13 @@ from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
 __all__ = [
     "OPTIONAL",
-    "Quantity",
     "Reading",
+    "ReferenceValue",
     "Store",
-    "codebook",
     "definition_of",
     "is_optional",
     "optional_beside",
+    "quantity_definitions",
     "quantity_of",
     "stored",
     "table_rows",
@@ -53,7 +53,7 @@ class Definition(NamedTuple):
 
 
 @lru_cache(maxsize=1)
-def codebook() -> dict[str, dict[str, Definition]]:
+def quantity_definitions() -> dict[str, dict[str, Definition]]:
     """Return the definitions of all quantities, by kind in order of difficulty, then by name.
 
     In a name, ``n`` stands for a number.
@@ -73,7 +73,7 @@ def definition_of(kind: str, quantity: str) -> Definition:
     """Return the definition of a quantity in the reference data; its name may include a place such
     as ``@0.5``.
     """
-    name, of_kind = re.split("[@#]", quantity)[0], codebook()[kind]
+    name, of_kind = re.split("[@#]", quantity)[0], quantity_definitions()[kind]
     if name in of_kind:
         return of_kind[name]
     number = re.search(r"(?<=_)\d+(?=_|$)", name)
@@ -86,7 +86,7 @@ def definition_of(kind: str, quantity: str) -> Definition:
 
 
 @dataclass(frozen=True, slots=True, repr=False)
-class Quantity(Printable, Bounded):
+class ReferenceValue(Printable, Bounded):
     """A reference value, with its inputs, half-width and grade.
 
     It behaves as a number: the value of one of its two readings, with its half-width. ``reading``
@@ -110,7 +110,7 @@ class Quantity(Printable, Bounded):
     proof: Mapping[str, str] | None = None
     reading: Reading = "decimals"  #: the entry of `values` that it stands for as a number
 
-    def read_from(self, reading: Reading) -> Quantity:
+    def read_from(self, reading: Reading) -> ReferenceValue:
         """Return the same reference value in another reading of its inputs.
 
         Args:
@@ -180,7 +180,7 @@ class Quantity(Printable, Bounded):
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the mappings as dictionaries, because mapping proxies cannot be pickled."""
         values = (getattr(self, item.name) for item in fields(self))
-        return Quantity, tuple(
+        return ReferenceValue, tuple(
             dict(value) if isinstance(value, Mapping) else value for value in values
         )
 
@@ -211,7 +211,9 @@ class Quantity(Printable, Bounded):
         return entry | {name: as_json(getattr(self, name)) for name in names}
 
 
-numbers.Real.register(Quantity)  # so that pytest.approx compares it as a number, inside lists too
+numbers.Real.register(
+    ReferenceValue
+)  # so that pytest.approx compares it as a number, inside lists too
 
 
 #: Inputs other than the parameters and the time, in the order of every entry.
@@ -236,7 +238,7 @@ def is_optional(id_: object) -> bool:
     return name in OPTIONAL and entry[1:3] == ["both", "rhs"]
 
 
-class Store(Mapping[str, Quantity]):
+class Store(Mapping[str, ReferenceValue]):
     """A store of the reference values by id, in order of difficulty.
 
     Optional quantities are computed when they are looked up; they are not iterated over.
@@ -253,7 +255,7 @@ class Store(Mapping[str, Quantity]):
         try:
             proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
             self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
-            self._optional: dict[str, Quantity] = {}
+            self._optional: dict[str, ReferenceValue] = {}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(
                 f"the reference data in {folder} are damaged: run reference check"
@@ -262,7 +264,7 @@ class Store(Mapping[str, Quantity]):
             raise InputError(f"there are no reference values in {folder}")
 
     @classmethod
-    def of(cls, quantities: Iterable[Quantity]) -> Store:
+    def of(cls, quantities: Iterable[ReferenceValue]) -> Store:
         """Return a store that holds the given reference values."""
         store = cls.__new__(cls)
         store._quantities = {quantity.id: quantity for quantity in quantities}
@@ -285,7 +287,7 @@ class Store(Mapping[str, Quantity]):
             for name in {quantity.set: 0 for quantity in self.values()}
         }
 
-    def __getitem__(self, id_: str) -> Quantity:
+    def __getitem__(self, id_: str) -> ReferenceValue:
         if not is_optional(id_):
             return self._quantities[id_]
         if id_ not in self._optional:
@@ -307,7 +309,7 @@ class Store(Mapping[str, Quantity]):
     def __len__(self) -> int:
         return len(self._quantities)
 
-    def matching(self, prefix: str) -> list[Quantity]:
+    def matching(self, prefix: str) -> list[ReferenceValue]:
         """Return the reference values whose id starts with ``prefix``."""
         return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
 
@@ -322,7 +324,7 @@ def table_rows(text: str) -> list[dict[str, str]]:
     return [dict(zip(header, row, strict=True)) for row in rows]
 
 
-def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
+def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> ReferenceValue:
     """Return the reference value in a row of values.csv.
 
     Args:
@@ -341,7 +343,7 @@ def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> Quantity:
         column: row[column] for column in ("id", "kind", "set", "friction", "unit", "grade")
     }
     plain |= {column: MappingProxyType(_pairs(row[column])) for column in ("methods", "condition")}
-    return Quantity(
+    return ReferenceValue(
         **plain,
         level=int(row["level"]),
         name=name,

@@ -39,7 +39,12 @@ from tippedisk_verify.reference_values.entries import (
     case_of,
     trimmed,
 )
-from tippedisk_verify.reference_values.store import OPTIONAL, Quantity, codebook, definition_of
+from tippedisk_verify.reference_values.store import (
+    OPTIONAL,
+    ReferenceValue,
+    definition_of,
+    quantity_definitions,
+)
 from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
 
 __all__ = [
@@ -59,7 +64,7 @@ __all__ = [
     "motion",
     "optional_quantities",
     "orbit",
-    "shot",
+    "shoot_known_cycle",
 ]
 
 DIGITS = 56  #: of closed forms, so that 50 can be stored
@@ -175,7 +180,7 @@ def as_quantity(
     slopes: Mapping[str, Any],
     grade: str = "single",
     methods: Mapping[str, str] | None = None,
-) -> Quantity:
+) -> ReferenceValue:
     """Return computed numbers and their sensitivities as a reference value.
 
     Args:
@@ -188,7 +193,7 @@ def as_quantity(
         methods: The distance of each method's value from the one given.
     """
     level, unit, _ = definition_of(item.kind, name)
-    return Quantity(
+    return ReferenceValue(
         id=f"{item.id}/{name}",
         level=level,
         kind=item.kind,
@@ -242,7 +247,7 @@ def _optional(case: ExactItem, ctx: Any) -> dict[str, Any]:
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
 
 
-def optional_quantities(quantity: Quantity) -> list[Quantity]:
+def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
     """Compute the optional quantities of a state, in the order of `OPTIONAL`.
 
     Args:
@@ -419,10 +424,12 @@ def _named(case: ExactItem, result: Any) -> Values:
     """Return those numbers of a result that the reference data contain for this kind of question,
     by name.
     """
-    return {name: getattr(result, name) for name in codebook()[case.item.kind]}
+    return {name: getattr(result, name) for name in quantity_definitions()[case.item.kind]}
 
 
-def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
+def shoot_known_cycle(
+    case: ExactItem, values: Mapping[str, Any], engine: Engine
+) -> FixedPoint[Any]:
     """Find the fixed point of a limit cycle on its section by shooting in double precision,
     starting from known numbers.
     """
@@ -435,8 +442,8 @@ def shot(case: ExactItem, values: Mapping[str, Any], engine: Engine) -> FixedPoi
 
 
 def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
-    numbers = cycle_numbers(shot(case, values, default_engine()), DOUBLE)
-    return {name: float(numbers[name]) for name in codebook()[case.item.kind]}
+    numbers = cycle_numbers(shoot_known_cycle(case, values, default_engine()), DOUBLE)
+    return {name: float(numbers[name]) for name in quantity_definitions()[case.item.kind]}
 
 
 def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Values:
@@ -449,7 +456,11 @@ def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Value
     """
     point = case.disk.heteroclinic(digits=digits, method=method)
     return dict(
-        zip(codebook()["heteroclinic"], (point.omega_h, *point.saddle_eigenvalues), strict=True)
+        zip(
+            quantity_definitions()["heteroclinic"],
+            (point.omega_h, *point.saddle_eigenvalues),
+            strict=True,
+        )
     )
 
 

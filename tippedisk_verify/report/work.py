@@ -161,25 +161,25 @@ def run(
 
     ahead = [task for task in tasks if task not in records]
     alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
-    heavy = [task for task in ahead if task not in alone and not _light(task)]
-    light = [task for task in ahead if _light(task)]
+    heavy = [task for task in ahead if task not in alone and not _is_cheap(task)]
+    light = [task for task in ahead if _is_cheap(task)]
     if len(heavy) <= _MAX_TASKS_HERE:
-        _here(order, [*light, *heavy, *alone], keep, advance)
+        _compute_in_this_process(order, [*light, *heavy, *alone], keep, advance)
     else:
         heavy.sort(key=_cost, reverse=True)  # so that the tasks started last are short
         with pool(len(heavy)) as executor:
             if executor is None:
-                _here(order, [*light, *heavy, *alone], keep, advance)
+                _compute_in_this_process(order, [*light, *heavy, *alone], keep, advance)
             else:
-                _there(order, heavy, light, executor, keep, advance)
+                _compute_on_executor(order, heavy, light, executor, keep, advance)
                 # Measurements of run time must not share the machine with other tasks.
-                _there(order, alone, [], executor, keep, advance)
+                _compute_on_executor(order, alone, [], executor, keep, advance)
     if ahead:
-        cache.tidy()
+        cache.remove_unused()
     return AuditRecords(records, kept)
 
 
-def _light(task: Task) -> bool:
+def _is_cheap(task: Task) -> bool:
     """Return True if a task is a claim with closed forms, which takes less time than starting a
     process.
     """
@@ -194,7 +194,7 @@ def _cost(task: Task) -> float:
     )
 
 
-def _here(
+def _compute_in_this_process(
     order: AuditJob,
     tasks: Sequence[Task],
     keep: Callable[[Task, Any], None],
@@ -206,7 +206,7 @@ def _here(
         advance(task.name, 1)
 
 
-def _there(
+def _compute_on_executor(
     order: AuditJob,
     heavy: Sequence[Task],
     light: Sequence[Task],
@@ -222,7 +222,7 @@ def _there(
     waiting: dict[Future[Any], Task] = {}
     try:
         waiting |= {executor.submit(run_task, order, task): task for task in heavy}
-        _here(order, light, keep, advance)
+        _compute_in_this_process(order, light, keep, advance)
         while waiting:
             advance(
                 ", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0
@@ -235,4 +235,6 @@ def _there(
                 advance(task.name, 1)
     except BrokenExecutor:  # a process was killed, perhaps for lack of memory: do the rest here
         done_here = set(waiting.values())
-        _here(order, [task for task in heavy if task in done_here], keep, advance)
+        _compute_in_this_process(
+            order, [task for task in heavy if task in done_here], keep, advance
+        )

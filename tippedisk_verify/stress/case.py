@@ -16,7 +16,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.precision import Precision, bits
 
 __all__ = [
-    "Found",
+    "CaseOutcome",
     "StressCase",
     "StressResult",
     "against",
@@ -31,7 +31,7 @@ _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
 @dataclass(frozen=True)
-class Found:
+class CaseOutcome:
     """The outcome of running a stress case: correct digits, a status, or an error."""
 
     outcome: str  #: "digits", or the name of the status or error
@@ -46,7 +46,7 @@ class StressCase:
 
     name: str
     says: str  #: a description of it
-    run: Callable[[], Found]
+    run: Callable[[], CaseOutcome]
     least: float = 0.0  #: correct digits that are required if the outcome is "digits"
     may: tuple[str, ...] = ("digits",)  #: the outcomes that pass
     quick: bool = True  #: False if it takes more than some seconds
@@ -84,9 +84,9 @@ class StressResult:
         try:
             answer = case.run()
         except (InputError, NoSuchCycleError, AccuracyError) as refusal:
-            answer = Found(type(refusal).__name__, note=str(refusal))
+            answer = CaseOutcome(type(refusal).__name__, note=str(refusal))
         except Exception as fault:  # the battery reports it
-            answer = Found(
+            answer = CaseOutcome(
                 f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200]
             )
         enough = answer.outcome != "digits" or (
@@ -129,7 +129,7 @@ def _log10(ratio: Fraction) -> float:
     return (math.log2(top) - math.log2(bottom)) / math.log2(10)
 
 
-def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> Found:
+def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> CaseOutcome:
     """Run an integration in double precision and in a higher precision, and compare. Return the
     outcome: the correct digits, and if the half-widths are honest.
 
@@ -146,15 +146,17 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
     sharp = engine(replace(request, precision=truth, tolerance=None))
     assert mine.error is not None
     if not math.isfinite(mine.error.largest):
-        return Found("rounding decides", note=mine.status.value)
+        return CaseOutcome("rounding decides", note=mine.status.value)
     if mine.status is not sharp.status:
-        return Found(mine.status.name, honest=False, note=f"in more bits: {sharp.status.value}")
+        return CaseOutcome(
+            mine.status.name, honest=False, note=f"in more bits: {sharp.status.value}"
+        )
     if not mine.status.usable:
-        return Found(mine.status.name, note=mine.status.value)
+        return CaseOutcome(mine.status.name, note=mine.status.value)
     return against(mine, sharp)
 
 
-def against(mine: Result, sharp: Result) -> Found:
+def against(mine: Result, sharp: Result) -> CaseOutcome:
     """Compare a result and its half-widths with the same run in higher precision, and return the
     outcome.
     """
@@ -174,15 +176,15 @@ def against(mine: Result, sharp: Result) -> Found:
     digits = min(digits_between(a, b, scale) for a, b, _ in pairs)
     claimed = max(float(width) for *_, width in pairs) / scale
     if claimed > 0.1:  # not one decimal digit is certain
-        return Found(
+        return CaseOutcome(
             "no digits left", honest=honest, note=f"claimed error {claimed:.1e} of the state's size"
         )
-    return Found(
+    return CaseOutcome(
         "digits", digits, honest, f"claimed error {claimed:.1e}; ended: {mine.status.name}"
     )
 
 
-def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
+def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> CaseOutcome:
     """Compare the numbers of two results, and return the outcome: the digits in which they agree.
 
     It is honest if the intervals of each pair overlap.
@@ -197,10 +199,10 @@ def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> Found:
         a, b = getattr(mine, name), getattr(sharp, name)
         honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         digits = min(digits, digits_between(a.value, b.value))
-    return Found("digits", digits, honest)
+    return CaseOutcome("digits", digits, honest)
 
 
-def refused(action: Callable[[], Any], *kinds: type[Exception]) -> Found:
+def refused(action: Callable[[], Any], *kinds: type[Exception]) -> CaseOutcome:
     """Check that an action is refused with one clear line, and return the outcome.
 
     Args:
@@ -211,5 +213,5 @@ def refused(action: Callable[[], Any], *kinds: type[Exception]) -> Found:
         action()
     except kinds as refusal:
         text = str(refusal)
-        return Found(type(refusal).__name__, honest=0 < len(text) < 300, note=text)
-    return Found("not refused", honest=False)
+        return CaseOutcome(type(refusal).__name__, honest=0 < len(text) < 300, note=text)
+    return CaseOutcome("not refused", honest=False)

@@ -8,21 +8,21 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import limit_cycle
-from tippedisk_verify.cycles.whole_flight_cycles import cycle_near
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.stress.case import Found, StressCase, cycle_digits, refused
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, cycle_digits, refused
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["CASES"]
 
-_MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
+_MAIN_NUMBERS = ("period", "gamma_bar_0", "v_0", "beta_max")
 _EXPONENTS = ("log_multiplier_slow", "log_multiplier_fast")
 
 
@@ -31,19 +31,19 @@ def _below_hopf(distance: str) -> Fraction:
     return Fraction(omega_crit(PRINTED, 60).decimals()[0]) - exact(distance).rational
 
 
-def _near_hopf(distance: str) -> Callable[[], Found]:
-    def run() -> Found:
+def _near_hopf(distance: str) -> Callable[[], CaseOutcome]:
+    def run() -> CaseOutcome:
         speed = _below_hopf(distance)
         mine, sharp = (
             limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
         )
-        return cycle_digits(mine, sharp, _MAIN)
+        return cycle_digits(mine, sharp, _MAIN_NUMBERS)
 
     return run
 
 
-def _near_omega_h(distance: str) -> Callable[[], Found]:
-    def run() -> Found:
+def _near_omega_h(distance: str) -> Callable[[], CaseOutcome]:
+    def run() -> CaseOutcome:
         mine, sharp = (
             cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits)
             for digits in (12, 25)
@@ -53,7 +53,7 @@ def _near_omega_h(distance: str) -> Callable[[], Found]:
     return run
 
 
-def _omega_h_by_two_methods() -> Found:
+def _omega_h_by_two_methods() -> CaseOutcome:
     """Compute Omega_h by bisection in doubles and to 40 digits by another method, and compare.
 
     Return how many digits agree, and whether the half-widths overlap.
@@ -65,7 +65,7 @@ def _omega_h_by_two_methods() -> Found:
     )
 
 
-def _one_ulp_above() -> Found:
+def _one_ulp_above() -> CaseOutcome:
     """Compute the period at the next double above Omega_h, and compare it with more digits.
 
     T must be right for exactly this double.
@@ -80,7 +80,7 @@ def _one_ulp_above() -> Found:
     return cycle_digits(mine, sharp, ("period",))
 
 
-def _one_ulp_below() -> Found:
+def _one_ulp_below() -> CaseOutcome:
     """Check that a cycle at the next double below Omega_h is refused, because none exists there."""
     engine = default_engine()
     omega_h = heteroclinic(PRINTED, engine, digits=30).omega_h
@@ -90,7 +90,7 @@ def _one_ulp_below() -> Found:
     return refused(lambda: limit_cycle(PRINTED, speed, engine), NoSuchCycleError, AccuracyError)
 
 
-def _underflow() -> Found:
+def _underflow() -> CaseOutcome:
     """Compute a cycle at epsilon = 1e-3, and compare it with more digits.
 
     The fast multiplier (about 1e-5000) underflows, but its logarithm does not.
@@ -100,9 +100,9 @@ def _underflow() -> Found:
         limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
         for digits in (12, 30)
     )
-    answer = cycle_digits(mine, sharp, (*_MAIN, *_EXPONENTS))
+    answer = cycle_digits(mine, sharp, (*_MAIN_NUMBERS, *_EXPONENTS))
     exponent = float(mine.log_multiplier_fast) / 2.302585092994046
-    return Found(
+    return CaseOutcome(
         answer.outcome,
         answer.digits,
         answer.honest and exponent < -324,
@@ -118,7 +118,7 @@ def _subcritical() -> Parameters:
     return PRINTED.changed(A=PRINTED.Bbar * Fraction(102, 100))
 
 
-def _beyond_the_fold() -> Found:
+def _beyond_the_fold() -> CaseOutcome:
     parameters = _subcritical()
     speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
     mine, sharp = (
@@ -127,18 +127,18 @@ def _beyond_the_fold() -> Found:
     return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0", "beta_max"))
 
 
-def _no_cycle_above() -> Found:
+def _no_cycle_above() -> CaseOutcome:
     return refused(
         lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError
     )
 
 
-def _subcritical_connection() -> Found:
+def _subcritical_connection() -> CaseOutcome:
     mine, sharp = (
         heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30)
     )
     answer = cycle_digits(mine, sharp, ("omega_h",))
-    return Found(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
+    return CaseOutcome(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
 
 
 def _cases() -> list[Any]:

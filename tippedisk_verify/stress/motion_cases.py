@@ -18,7 +18,7 @@ from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.stress.case import Found, StressCase, digits_between, flown
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, digits_between, flown
 
 __all__ = ["CASES"]
 
@@ -48,14 +48,16 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
     return lambda: PRINTED.changed(**values)
 
 
-def _later(duration: Any, make: Callable[[], Parameters], **more: Any) -> Callable[[], Found]:
+def _deferred(
+    duration: Any, make: Callable[[], Parameters], **more: Any
+) -> Callable[[], CaseOutcome]:
     """Return the action of a stress case that makes the disk's parameters only when it runs, so
     their refusal is an outcome.
     """
     return lambda: _run(duration, make(), **more)()
 
 
-def _thin(share: str) -> Callable[[], Parameters]:
+def _thin_ring(share: str) -> Callable[[], Parameters]:
     """Return a function that makes a disk with an eccentricity close to its radius, e = r (1 -
     share), and with inertias of a possible body.
     """
@@ -82,7 +84,7 @@ def _friction_cases() -> list[StressCase]:
     ):
         sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
         for friction in ("linear", "smooth"):
-            run = _later(
+            run = _deferred(
                 duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp
             )
             cases.append(
@@ -95,7 +97,7 @@ def _friction_cases() -> list[StressCase]:
                 )
             )
     for text in ("1e-6", "10"):
-        run = _later("0.5", _parameters(mu=text), domain="none")
+        run = _deferred("0.5", _parameters(mu=text), domain="none")
         cases.append(StressCase(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
     return cases
 
@@ -105,7 +107,7 @@ def _shape_cases() -> list[StressCase]:
     sets: tuple[tuple[str, str, Callable[[], Parameters]], ...] = (
         ("e 1e-6 m", "hardly eccentric", _parameters(e="1e-6")),
         ("e 1e-15 m", "an eccentricity that rounding loses in r + e", _parameters(e="1e-15")),
-        ("e near r", "e = r (1 - 1e-6)", _thin("1e-6")),
+        ("e near r", "e = r (1 - 1e-6)", _thin_ring("1e-6")),
         (
             "A next to Bbar",
             "A = Bbar (1 + 1e-12)",
@@ -113,7 +115,7 @@ def _shape_cases() -> list[StressCase]:
         ),
     )
     return [
-        StressCase(name, says, _later("1", make, domain="none"), 10) for name, says, make in sets
+        StressCase(name, says, _deferred("1", make, domain="none"), 10) for name, says, make in sets
     ]
 
 
@@ -186,7 +188,7 @@ def _start_cases() -> list[StressCase]:
     ]
 
 
-def _stable_manifold() -> Found:
+def _stable_manifold() -> CaseOutcome:
     """Compare a run along the unstable manifold to the other saddle and beyond with 400 bits.
 
     The speed is the double that bisection finds for Omega_h.
@@ -204,7 +206,7 @@ def _backward_cases() -> list[StressCase]:
     the cycle, and on rounding.
     """
 
-    def back(duration: str) -> Found:
+    def back(duration: str) -> CaseOutcome:
         cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
         start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
         return flown(
@@ -251,12 +253,12 @@ def _event_cases() -> list[StressCase]:
         )
         return result.time, float(result.state[0])
 
-    def below(ulps: float) -> Found:
+    def below(ulps: float) -> CaseOutcome:
         _, top = peak()
         level = _crossing(top - ulps * 2.0**-53)
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(level,), domain="none"))
 
-    def pair() -> Found:
+    def pair() -> CaseOutcome:
         first, second = _crossing(1.45), _crossing(1.45 + 2.0**-52)
         return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
 
@@ -324,7 +326,7 @@ def _tolerance_cases() -> list[StressCase]:
     return cases
 
 
-def _long_run() -> Found:
+def _long_run() -> CaseOutcome:
     """Measure the phase error after N periods of the limit cycle, up to about 1e5 s of motion. The
     outcome is honest if the error grows at most linearly.
 
@@ -353,7 +355,7 @@ def _long_run() -> Found:
     slope = float(numpy.polyfit(times, errors, 1)[0])
     note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
     # The random errors at short times make the fitted exponent uncertain by about 0.1.
-    return Found("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
+    return CaseOutcome("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
 
 
 CASES: tuple[StressCase, ...] = (

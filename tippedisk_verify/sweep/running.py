@@ -18,7 +18,7 @@ from pathlib import Path
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import file_lock, write_table
-from tippedisk_verify.interrupts import undoing
+from tippedisk_verify.interrupts import cleaning_up
 from tippedisk_verify.provenance import code_version
 from tippedisk_verify.sweep.plan import Plan, computed
 
@@ -65,7 +65,7 @@ def swept(
                 journal.unlink(missing_ok=True)
 
         try:
-            with undoing(discard):
+            with cleaning_up(discard):
                 for row in _kept_rows(plan, journal, rows, workers):
                     advance(row["status"][:40], 1)
         finally:

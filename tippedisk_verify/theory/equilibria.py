@@ -209,7 +209,7 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
-@undisturbed
+@undisturbed()
 def equilibrium(
     parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15
 ) -> Equilibrium:

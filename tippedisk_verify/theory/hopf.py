@@ -219,7 +219,7 @@ def criticality(parameters: Parameters) -> Criticality:
     return "supercritical" if quadratic < 0 else "subcritical"
 
 
-@undisturbed
+@undisturbed()
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the critical spinning speed [rad/s] to ``digits`` significant digits.
 
@@ -304,7 +304,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
     return Measured(checked_speed(value - below.rational), width)
 
 
-@undisturbed
+@undisturbed()
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the period 2 pi / omega [s] of the limit cycle at its birth in the Hopf point, to
     ``digits`` digits.
@@ -331,7 +331,7 @@ def period_of(frequency: Measured, digits: int) -> Measured:
     return Measured(low + high, high - low) / frequency
 
 
-@undisturbed
+@undisturbed()
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """Return the Hopf point to ``digits`` significant digits.
 

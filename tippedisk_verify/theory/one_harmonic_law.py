@@ -173,7 +173,7 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
     return omega * amplitude / frequency, -amplitude * frequency, math.pi / frequency
 
 
-@undisturbed
+@undisturbed()
 def one_harmonic(
     parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12
 ) -> OneHarmonic:

@@ -134,7 +134,7 @@ class _Tape:
     """
 
     def __init__(self, count: int, monomials: Monomials) -> None:
-        self.count, self.monomials, self.series = count, monomials, list[_Series]()
+        self.count, self.monomials, self.series = count, monomials, list[_TapeSeries]()
 
     def extend(self, degree: int) -> None:
         """Compute the terms of one ``degree`` of all recorded series, from those of lower degrees
@@ -145,15 +145,17 @@ class _Tape:
             if series.rule:
                 series.terms[:, of] = series.rule(degree, of)
 
-    def sine_and_cosine(self, angle: _Series, sine: int, cosine: int) -> tuple[_Series, _Series]:
+    def sine_and_cosine(
+        self, angle: _TapeSeries, sine: int, cosine: int
+    ) -> tuple[_TapeSeries, _TapeSeries]:
         """Return the sine and cosine of an angle as series on the tape.
 
         ``sine`` and ``cosine`` are those of the angle's constant term. Along rays s' = c a' and c'
         = -s a', where a derivative multiplies a term by its degree.
         """
-        both = _Series(self), _Series(self)
+        pair = _TapeSeries(self), _TapeSeries(self)
 
-        def rule(start: int, other: _Series, sign: int) -> Callable[[int, slice], Any]:
+        def rule(start: int, other: _TapeSeries, sign: int) -> Callable[[int, slice], Any]:
             def terms(degree: int, of: slice) -> Any:
                 if not degree:
                     return start
@@ -162,11 +164,11 @@ class _Tape:
 
             return terms
 
-        both[0].rule, both[1].rule = rule(sine, both[1], 1), rule(cosine, both[0], -1)
-        return both
+        pair[0].rule, pair[1].rule = rule(sine, pair[1], 1), rule(cosine, pair[0], -1)
+        return pair
 
 
-class _Series:
+class _TapeSeries:
     """A power series on a tape, with arithmetic. Numbers in its arithmetic are the same for all
     speeds, or have the shape (k, 1).
     """
@@ -183,32 +185,36 @@ class _Series:
         """The highest total degree that the series keeps."""
         return self.tape.monomials.order
 
-    def __add__(self, other: Any) -> _Series:
-        if isinstance(other, _Series):
-            return _Series(self.tape, lambda degree, of: self.terms[:, of] + other.terms[:, of])
-        return _Series(self.tape, lambda degree, of: self.terms[:, of] + (0 if degree else other))
+    def __add__(self, other: Any) -> _TapeSeries:
+        if isinstance(other, _TapeSeries):
+            return _TapeSeries(self.tape, lambda degree, of: self.terms[:, of] + other.terms[:, of])
+        return _TapeSeries(
+            self.tape, lambda degree, of: self.terms[:, of] + (0 if degree else other)
+        )
 
     __radd__ = __add__
 
-    def __neg__(self) -> _Series:
-        return _Series(self.tape, lambda degree, of: -self.terms[:, of])
+    def __neg__(self) -> _TapeSeries:
+        return _TapeSeries(self.tape, lambda degree, of: -self.terms[:, of])
 
-    def __sub__(self, other: Any) -> _Series:
+    def __sub__(self, other: Any) -> _TapeSeries:
         return self.__add__(-other)
 
-    def __rsub__(self, other: Any) -> _Series:
+    def __rsub__(self, other: Any) -> _TapeSeries:
         return (-self).__add__(other)
 
-    def __mul__(self, other: Any) -> _Series:
-        if isinstance(other, _Series):
+    def __mul__(self, other: Any) -> _TapeSeries:
+        if isinstance(other, _TapeSeries):
             multiply = self.tape.monomials.product
-            return _Series(self.tape, lambda degree, of: multiply(self.terms, other.terms, degree))
-        return _Series(self.tape, lambda degree, of: self.terms[:, of] * other)
+            return _TapeSeries(
+                self.tape, lambda degree, of: multiply(self.terms, other.terms, degree)
+            )
+        return _TapeSeries(self.tape, lambda degree, of: self.terms[:, of] * other)
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: _Series) -> _Series:
-        quotient = _Series(self.tape)
+    def __truediv__(self, other: _TapeSeries) -> _TapeSeries:
+        quotient = _TapeSeries(self.tape)
 
         def terms(degree: int, of: slice) -> Any:
             quotient.terms[:, of] = 0
@@ -334,7 +340,7 @@ def _invariant(
     W maps coordinates in which the flow is linear to the offset from the saddle.
     """
     tape = _Tape(len(speeds), monomials)
-    beta, gamma, v = (_Series(tape) for _ in range(3))
+    beta, gamma, v = (_TapeSeries(tape) for _ in range(3))
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
     # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are
     # those of the tape.

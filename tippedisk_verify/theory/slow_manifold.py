@@ -426,7 +426,7 @@ class SlowManifold(Printable):
     warning: str | None
 
 
-@undisturbed
+@undisturbed()
 def analyse_slow_manifold(
     parameters: Parameters,
     omega: object,

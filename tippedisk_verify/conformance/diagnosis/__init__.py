@@ -41,7 +41,7 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     problems,
 )
 from tippedisk_verify.conformance.diagnosis.regression import (
-    Problem,
+    RegressionProblem,
     Search,
     likelihood,
     with_changes,
@@ -62,13 +62,18 @@ _EXACT = 1e-15  # relative error up to which no digit is lost
 # The factor on the allowed error of a program on the slow manifold. It differentiates five times,
 # and the right equations alone use up half of the allowed error.
 _SAFETY = 10.0
-_ALIKE = 12  # changes with the same effect on one quantity that are tried on the other quantities
-_SAME = 1e-9  # relative difference of values that are equal but for rounding
-_MANY = 3  # the least number of quantities that are called "all answers"
+_MAX_EQUIVALENT_CHANGES = (
+    12  # changes with the same effect on one quantity that are tried on the other quantities
+)
+_ROUNDING_TOLERANCE = 1e-9  # relative difference of values that are equal but for rounding
+_MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _FORMULAS = 5  # the last level without an integrator
 _LAWS = ("both", "linear", "smooth")
-_TOGETHER = ("equilibrium", "slow-manifold")  #: kinds explained completely, or not at all
-Posed = Sequence[tuple[Table, Problem]]
+_ALL_OR_NOTHING_KINDS = (
+    "equilibrium",
+    "slow-manifold",
+)  #: kinds explained completely, or not at all
+Posed = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
 Made = dict[Change, frozenset[str]]
 #: The changes under one friction law, and all changes from which they were taken
@@ -160,7 +165,7 @@ class _Sheet:
     explain.
 
     Args:
-        tables: The graded answers. Their masks ``left`` of unexplained answers are changed in
+        tables: The graded answers. Their masks ``unexplained`` of unexplained answers are changed in
             place.
         store: The questions with their truths.
         advance: A function that is called with a label and a number of steps.
@@ -194,12 +199,12 @@ class _Sheet:
         with self.together(tables, whole=True):
             self.relations(tables)
         for later in (False, True):
-            held = [table.left & (table.later != later) for table in tables]
+            held = [table.unexplained & (table.explained_last != later) for table in tables]
             for table, mask in zip(tables, held, strict=True):
-                table.left[mask] = False
+                table.unexplained[mask] = False
             self.explained(tables)
             for table, mask in zip(tables, held, strict=True):
-                table.left[mask] = True
+                table.unexplained[mask] = True
             self.consequences(tables)
             self.lost(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
@@ -212,7 +217,9 @@ class _Sheet:
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
         places = [
-            where(table, base_of(LINEAR, table)["gamma_y"]) for table in tables if table.left.any()
+            where(table, base_of(LINEAR, table)["gamma_y"])
+            for table in tables
+            if table.unexplained.any()
         ]
         causes, may_follow = (*named, *dict.fromkeys(self.causes)), bool(earlier) and level > 1
         return Diagnosis(
@@ -256,15 +263,19 @@ class _Sheet:
         Args:
             tables: The tables that the body may explain.
             whole: True if all their answers belong together; False if only those to the kinds in
-                ``_TOGETHER`` do.
+                ``_ALL_OR_NOTHING_KINDS`` do.
         """
         changes, causes = dict(self.changes), list(self.causes)
-        before = [table.left.copy() for table in tables]
+        before = [table.unexplained.copy() for table in tables]
         yield
-        if any(table.left.any() for table in tables if whole or table.kind in _TOGETHER):
+        if any(
+            table.unexplained.any()
+            for table in tables
+            if whole or table.kind in _ALL_OR_NOTHING_KINDS
+        ):
             self.changes, self.causes = changes, causes
             for table, left in zip(tables, before, strict=True):
-                table.left[:] = left
+                table.unexplained[:] = left
 
     # ---- programs with changes
     def candidates(self, law: str) -> list[list[Change]]:
@@ -290,7 +301,7 @@ class _Sheet:
             inputs: Values by name, each in place of the definition of that name.
         """
         values = Values(SMOOTH if law == "smooth" else LINEAR, {})
-        return with_changes(values.holding(**(inputs or {})), some)
+        return with_changes(values.with_inputs(**(inputs or {})), some)
 
     @np.errstate(all="ignore")
     def predicted(
@@ -310,7 +321,7 @@ class _Sheet:
                 formulas.
         """
         values = base_of(self.program(table.friction, some).definitions, table)
-        return table.picked((function or PREDICTED[table.kind][0])(values))
+        return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
     def consequences(self, tables: Sequence[Table]) -> None:
         """Mark those wrong answers in tables as explained that follow from the mistakes known so
@@ -330,15 +341,15 @@ class _Sheet:
             table: The table.
             some: The changes of the equations that the program has.
         """
-        if not table.left.any() or table.kind not in PREDICTED:
+        if not table.unexplained.any() or table.kind not in PREDICTED:
             return
         room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
         for function in PREDICTED[table.kind]:
             predicted = self.predicted(table, some, function)
             fits = table.fitted(predicted, room)
-            for stem in np.unique(table.stems[table.left]):
-                mine = table.left & (table.stems == stem)
-                table.left[mine] = not fits[mine].all()
+            for stem in np.unique(table.quantity_names[table.unexplained]):
+                mine = table.unexplained & (table.quantity_names == stem)
+                table.unexplained[mine] = not fits[mine].all()
 
     # ---- changes of the equations
     def equations(self, tables: Sequence[Table]) -> None:
@@ -353,16 +364,20 @@ class _Sheet:
         posed = self.posed(tables) if _left(tables) else []
         for n in range(len(posed)):
             table, problem = posed[n]
-            mine = table.left & (table.names == problem.name)
-            inverse = problem.name not in table.names and table.left.any() and problem.left.any()
+            mine = table.unexplained & (table.names == problem.name)
+            inverse = (
+                problem.name not in table.names
+                and table.unexplained.any()
+                and problem.unexplained.any()
+            )
             if mine.any() or inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                table.left[mine] = not self.adopted(table, problem, posed)
+                table.unexplained[mine] = not self.adopted(table, problem, posed)
                 if table.kind == "slow-manifold":  # each order is computed from the lower ones
                     posed = self.posed(tables)
         self.consequences(tables)
 
-    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, Problem]]:
+    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, RegressionProblem]]:
         """Return the quantities of tables whose answers can be searched for mistakes in the
         equations, as pairs of a table and a problem.
 
@@ -377,7 +392,7 @@ class _Sheet:
                 found += [(table, one) for one in problems(table, base_of(definitions, table))]
         return found
 
-    def adopted(self, table: Table, problem: Problem, posed: Posed) -> bool:
+    def adopted(self, table: Table, problem: RegressionProblem, posed: Posed) -> bool:
         """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
         them as known.
 
@@ -433,11 +448,11 @@ class _Sheet:
         for table, problem in posed:
             program = self.program(law, some, problem.given)
             if table.friction in ("both", law) and problem.fits(program):
-                names |= program.behind(problem.definition)
+                names |= program.inputs_of(problem.definition)
         return names
 
     @np.errstate(all="ignore")
-    def alternatives(self, law: str, problem: Problem, posed: Posed) -> list[Reading]:
+    def alternatives(self, law: str, problem: RegressionProblem, posed: Posed) -> list[Reading]:
         """Return other choices of the known mistakes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
@@ -457,19 +472,21 @@ class _Sheet:
         effects = [self.program(law, own, problem.given)[problem.definition]]
         found = []
         for change in own if posed else ():
-            for other in change.others[:_ALIKE]:
+            for other in change.others[:_MAX_EQUIVALENT_CHANGES]:
                 rest = tuple(one for one in (change, *change.others) if one != other)
                 new = {change: replace(other, others=rest)}
                 changes = {new.get(one, one): laws for one, laws in self.changes.items()}
                 some = _of_law(changes, law)
                 effect = self.program(law, some, problem.given)[problem.definition]
-                known = any(np.allclose(effect, one, rtol=_SAME, atol=0) for one in effects)
+                known = any(
+                    np.allclose(effect, one, rtol=_ROUNDING_TOLERANCE, atol=0) for one in effects
+                )
                 if not known and all(self.fits(changes, *pair) for pair in explained):
                     effects.append(effect)
                     found.append((some, changes))
         return found
 
-    def fits(self, changes: Made, table: Table, problem: Problem) -> bool:
+    def fits(self, changes: Made, table: Table, problem: RegressionProblem) -> bool:
         """Return True if a program with some mistakes gives all answers to a quantity.
 
         Args:
@@ -492,19 +509,19 @@ class _Sheet:
             tables: The tables of a level.
         """
         lost: dict[tuple[int, str], list[str]] = {}
-        for table in (table for table in tables if table.left.any()):
+        for table in (table for table in tables if table.unexplained.any()):
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
             law = f" ({table.friction} law)" if table.friction != "both" else ""
-            for stem in np.unique(table.stems[table.left]):
-                mine = table.stems == stem
-                middle, share = float(np.median(size[mine])), table.left[mine].mean()
+            for stem in np.unique(table.quantity_names[table.unexplained]):
+                mine = table.quantity_names == stem
+                middle, share = float(np.median(size[mine])), table.unexplained[mine].mean()
                 loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
                 if loses and share > _LOST_SHARE:
                     differences = stem.startswith("dv")
                     why = "the digits that difference quotients leave" if differences else "too few"
                     lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
-                    table.left[mine] = False
+                    table.unexplained[mine] = False
         for (digits, why), names in sorted(lost.items()):
             says = f"some {digits} digits of {', '.join(sorted(names))} are right: {why}"
             self.causes.append(("digits", says))
@@ -529,7 +546,7 @@ class _Sheet:
                 ones.
         """
         groups: dict[str, list[Relation]] = {}
-        some = [table for table in tables if table.left.any()]
+        some = [table for table in tables if table.unexplained.any()]
         changes = [self.candidates(table.friction)[0] if mended else () for table in some]
         if mended:
             some = [replace(table, truth=self.expected(table)) for table in some]
@@ -543,18 +560,20 @@ class _Sheet:
             }
             for relation in related(table, truths, variants):
                 groups.setdefault(relation.says, []).append(relation)
-        total = {(table.friction, stem) for table in tables for stem in np.unique(table.stems)}
+        total = {
+            (table.friction, stem) for table in tables for stem in np.unique(table.quantity_names)
+        }
         for group in sorted(
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
         ):
             says = group[0].says
-            new = [one for one in group if one.table.left[one.answers].all()]
+            new = [one for one in group if one.table.unexplained[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            names = {(one.table.friction, one.stem) for one in new}
-            self.causes.append(("relation", _said(says, names, total)))
+            names = {(one.table.friction, one.quantity) for one in new}
+            self.causes.append(("relation", _relation_sentence(says, names, total)))
             for one in new:
-                one.table.left[one.answers] = False
+                one.table.unexplained[one.answers] = False
 
     def text(self, change: Change, tables: Sequence[Table]) -> str:
         """Return a sentence that describes a change of the equations, the likely mistake.
@@ -580,10 +599,10 @@ def _of_law(changes: Made, law: str) -> list[Change]:
 
 def _left(tables: Iterable[Table]) -> int:
     """Return the number of wrong answers in tables that are unexplained."""
-    return sum(int(table.left.sum()) for table in tables)
+    return sum(int(table.unexplained.sum()) for table in tables)
 
 
-def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
+def _relation_sentence(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
     """Return the sentence about a relation of wrong answers, with the names of their quantities put
     in.
 
@@ -593,7 +612,7 @@ def _said(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -
         total: All quantities of the level, in the same form.
     """
     names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
-    whole = stems == total and len(stems) >= _MANY
+    whole = stems == total and len(stems) >= _MIN_ALL_ANSWERS
     text = (
         "all answers"
         if whole

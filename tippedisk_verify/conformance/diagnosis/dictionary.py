@@ -363,7 +363,7 @@ INPUTS: dict[str, dict[str, str]] = {
 }
 _ANGLES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
 #: Additional factors that a term may have by mistake, each with its power.
-_EXTRA = (
+_EXTRA_FACTORS = (
     *(
         (name, 1)
         for name in ("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M", *_ANGLES)
@@ -377,9 +377,12 @@ _NUMBERS = {
     **dict.fromkeys((0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8), 3),
     **dict.fromkeys((np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi), 3),
 }
-_LATE = ("recursion", "residual")  #: sums whose parts are likelier to be wrong than the sums
+_COMPOSITE_SUMS = (
+    "recursion",
+    "residual",
+)  #: sums whose parts are likelier to be wrong than the sums
 #: Factors by which a whole sum may be multiplied by mistake.
-_WHOLE = {
+_SUM_FACTORS = {
     "the wrong sign": Term(-1.0, ()),
     "the factor 2": Term(2.0, ()),
     "the factor 1/2": Term(0.5, ()),
@@ -444,7 +447,7 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
     ):
         new = {x for *_, terms in change.pieces for term in terms for x, _ in term.factors}
         changed = {name for name, *_ in change.pieces}
-        if not any(changed & values.behind(factor) for factor in new):
+        if not any(changed & values.inputs_of(factor) for factor in new):
             found.setdefault(change.pieces, change)
     return list(found.values())
 
@@ -469,9 +472,9 @@ def _of_definition(name: str, values: Values) -> Iterator[Change]:
     several = len(terms) > 1
     for n, term in enumerate(terms):
         for new, says, rank in _of_term(term, several or name in _SUMS) if term.number else ():
-            late = name in _LATE or (name[0] == "(" and "(" in shown(new))
+            late = name in _COMPOSITE_SUMS or (name[0] == "(" and "(" in shown(new))
             yield Change(((name, n, new),), f"in {name}: {says}", rank + late)
-    for text, factor in _WHOLE.items() if several and name[0] != "(" else ():
+    for text, factor in _SUM_FACTORS.items() if several and name[0] != "(" else ():
         pieces = tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms))
         yield Change(pieces, f"{name} has {text}", 1)
 
@@ -493,7 +496,7 @@ def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
         *_exchanged_powers(term),
         *(
             _in_place(term, term.times(1.0, name, power), 2)
-            for name, power in _EXTRA
+            for name, power in _EXTRA_FACTORS
             if name not in dict(term.factors)
         ),
     )
@@ -531,9 +534,9 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
         sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
         for other in (*IN_PLACE.get(name, ()), *sums):
             rank = int(name in _SHARED and other.startswith("("))  # likelier wrong where defined
-            yield _in_place(term, term.put(name, other, power), rank)
+            yield _in_place(term, term.with_factor_replaced(name, other, power), rank)
             if abs(power) > 1:
-                yield _in_place(term, term.put(name, other, one), 1)
+                yield _in_place(term, term.with_factor_replaced(name, other, one), 1)
         lost = f"the factor {name} is missing in {shown((term,))}"
         yield (term.times(1.0, name, -power),), lost, 0
         powers = {power - one: 0, one: 0, power + one: 1, -power: 1}
@@ -543,7 +546,9 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
         yield _in_place(term, term.times(-1.0, name, -power), 3)
         if abs(power) > 1 and name.startswith(("sin", "cos")) and "^" not in name:
             inside = f"{name[:-1]}^{abs(power)})"  # sin(beta^2) for sin(beta)^2
-            yield _in_place(term, term.put(name, inside, one).times(1.0, name, one - power), 0)
+            yield _in_place(
+                term, term.with_factor_replaced(name, inside, one).times(1.0, name, one - power), 0
+            )
 
 
 def _exchanged_powers(term: Term) -> Iterator[Replacement]:

@@ -14,13 +14,13 @@ from tippedisk_verify.conformance.grading import Grade, as_decimal, scale_of
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.store import Quantity, Store
+from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
-_CLOSER = 10.0
+_PREDICTION_FACTOR = 10.0
 #: How the names of quantities begin that are explained last: derivatives of v', and residuals
 LATER = ("dv_rate", "residual")
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
@@ -35,7 +35,7 @@ class Answered:
     answer: Array
     truth: Array
     allowed: Array  #: the largest error that an answer may have
-    left: Array  #: mask of the answers that failed and are unexplained
+    unexplained: Array  #: mask of the answers that failed and are unexplained
 
     @np.errstate(all="ignore")
     def fitted(self, predicted: Array, allowed: Array | None = None) -> Array:
@@ -51,9 +51,9 @@ class Answered:
         allowed = self.allowed if allowed is None else allowed
         larger = np.abs(predicted) / np.maximum(np.abs(self.truth), allowed)
         away = np.abs(self.answer - predicted)
-        closer = away * _CLOSER <= np.abs(self.answer - self.truth)
+        closer = away * _PREDICTION_FACTOR <= np.abs(self.answer - self.truth)
         close = away <= allowed * np.maximum(1.0, larger)
-        return np.asarray(close & (~self.left | closer))
+        return np.asarray(close & (~self.unexplained | closer))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -61,8 +61,8 @@ class Table(Answered):
     """The answers of a sheet to the questions of one kind under one friction law, with their
     truths.
 
-    ``answer``, ``truth``, ``allowed``, ``left``, ``names``, ``rows`` and ``scale`` have one element
-    to an answer. The arrays in ``given`` have one element to an entry.
+    ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
+    element to an answer. The arrays in ``given`` have one element to an entry.
     """
 
     kind: str
@@ -76,7 +76,7 @@ class Table(Answered):
     scale: Array  #: the size relative to which digits are counted
 
     @cached_property
-    def stems(self) -> Array:
+    def quantity_names(self) -> Array:
         """The plain name of the quantity of each answer, such as beta for ``beta@0.5``."""
         return np.array([placed(name, self.kind)[0] for name in self.names])
 
@@ -88,7 +88,7 @@ class Table(Answered):
         return [placed(name, self.kind)[1] for name in self.names]
 
     @cached_property
-    def later(self) -> Array:
+    def explained_last(self) -> Array:
         """A mask of those answers whose quantities are diagnosed after the others."""
         return np.array([name.startswith(LATER) for name in self.names])
 
@@ -98,7 +98,7 @@ class Table(Answered):
             f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)
         ]
 
-    def picked(self, results: Mapping[str, Any]) -> Array:
+    def matched_values(self, results: Mapping[str, Any]) -> Array:
         """Return the computed value for each answer of this table; NaN where there is none.
 
         Args:
@@ -118,10 +118,10 @@ class Table(Answered):
         Args:
             name: The name of the quantity with its place, such as ``beta@0.5``.
         """
-        here, arrays = self.names == name, []
-        for array in (self.answer, self.truth, self.allowed, self.left):
+        selected, arrays = self.names == name, []
+        for array in (self.answer, self.truth, self.allowed, self.unexplained):
             found = np.full(len(self.entries), np.nan)
-            found[self.rows[here]] = array[here]
+            found[self.rows[selected]] = array[selected]
             arrays.append(found)
         answer, truth, allowed, left = arrays
         return Answered(answer, truth, allowed, left > 0)
@@ -137,7 +137,7 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
         grades: The grades of the sheet.
         store: The questions with their inputs.
     """
-    groups: dict[tuple[str, str], list[tuple[Quantity, Grade]]] = {}
+    groups: dict[tuple[str, str], list[tuple[ReferenceValue, Grade]]] = {}
     for grade in grades:
         if grade.verdict not in _NO_NUMBER and abs(as_decimal(grade.answer)) < Decimal("1e300"):
             quantity = store[grade.id]
@@ -145,7 +145,7 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
     return [_table(some, store) for some in groups.values()]
 
 
-def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
+def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
     first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
     entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
     inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]
@@ -178,7 +178,7 @@ def _table(some: Sequence[tuple[Quantity, Grade]], store: Store) -> Table:
         truth=truths,
         allowed=scale * 10.0**-needs,
         scale=scale,
-        left=np.array([grade.failed for _, grade in some]),
+        unexplained=np.array([grade.failed for _, grade in some]),
     )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Answered, Array, Table
-from tippedisk_verify.conformance.diagnosis.regression import Problem
+from tippedisk_verify.conformance.diagnosis.regression import RegressionProblem
 from tippedisk_verify.conformance.diagnosis.terms import Values
 
 __all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
@@ -263,7 +263,7 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
     radius = radius_of(values)
     shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
-    base = values.holding(**state, v=1.0)
+    base = values.with_inputs(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]
     base["recursion_parts"]  # computed once for all orders
     found = {"residual_0": _partial(values, h, radius)}
@@ -413,7 +413,7 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 
 
 # ---- the searches
-def problems(table: Table, base: Values) -> list[Problem]:
+def problems(table: Table, base: Values) -> list[RegressionProblem]:
     """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
     A problem has the answers to one quantity and its definition. They are in the order of the
@@ -425,11 +425,11 @@ def problems(table: Table, base: Values) -> list[Problem]:
         base: A program with the inputs of the table's entries.
     """
     given = {
-        definition: _or_else(table.column(name).answer, base[definition])
+        definition: _filled_in(table.column(name).answer, base[definition])
         for name, definition in _ANSWERED.items()
         if name in table.names
     }
-    base = base.holding(**given)
+    base = base.with_inputs(**given)
     parts = _PARTS[table.kind](base) if table.kind in _PARTS else {}
     columns = _entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
     found = []
@@ -438,11 +438,11 @@ def problems(table: Table, base: Values) -> list[Problem]:
         rows = np.flatnonzero(np.isfinite(cells.answer))
         inputs = {**base.given, **parts.get(name, {})}
         found += [
-            Problem(
+            RegressionProblem(
                 cells.answer[rows],
                 cells.truth[rows],
                 cells.allowed[rows],
-                cells.left[rows],
+                cells.unexplained[rows],
                 name,
                 definition,
                 _IDENTITIES.get(definition, f"answer - {definition}"),
@@ -452,7 +452,7 @@ def problems(table: Table, base: Values) -> list[Problem]:
     return [problem for problem in found if problem.answer.size]
 
 
-def _or_else(answers: Array, values: Any) -> Array:
+def _filled_in(answers: Array, values: Any) -> Array:
     """Return answers, one to an entry, in which missing ones are replaced by ``values``."""
     return np.where(np.isfinite(answers), answers, values)
 

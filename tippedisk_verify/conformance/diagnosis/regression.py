@@ -25,25 +25,25 @@ from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
 from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Problem", "Search", "likelihood", "with_changes"]
+__all__ = ["RegressionProblem", "Search", "likelihood", "with_changes"]
 
 _SAMPLES = 40  # wrong answers on which changes are tried; all answers must confirm them
 _RIGHT_SAMPLES = 8  # right answers on which changes are tried
-_SAME = 1e-9  # relative difference of sums that are equal but for rounding
-_NOTHING = 1e-2  # of the allowed error; smaller changes do not count
+_ROUNDING_TOLERANCE = 1e-9  # relative difference of sums that are equal but for rounding
+_NEGLIGIBLE_SHARE = 1e-2  # of the allowed error; smaller changes do not count
 _DIRECTION = 0.15  # least squared cosine between the residual and the effect of a first change
 _HIGHEST_RANKS = {1: 9, 2: 2, 3: 1}  # highest rank of a change, by the number of changes in a set
-_FIRSTS = 12  # changes that are made first, where changes multiply
+_MAX_FIRST_CHANGES = 12  # changes that are made first, where changes multiply
 # Digits of evidence that a set of changes needs: once, and for each change
 _ASSUMED = (2.0, 3.0)
-_CROWDED = 20_000  # sets with nearly the same sum: effects too small to tell them apart
-_TYPED = 6  # digits of a number that somebody types in
+_MAX_SIMILAR_SETS = 20_000  # sets with nearly the same sum: effects too small to tell them apart
+_TYPED_DIGITS = 6  # digits of a number that somebody types in
 _SOLVED = 4  # changes for which there must be evidence before such a number is proposed
 Set = tuple[Change, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Problem(Answered):
+class RegressionProblem(Answered):
     """The answers to one quantity, with its definition and an identity that right
     answers satisfy.
     """
@@ -70,21 +70,21 @@ class Problem(Answered):
         right ones.
         """
         picked = []
-        for mask, most in ((self.left, _SAMPLES), (~self.left, _RIGHT_SAMPLES)):
+        for mask, most in ((self.unexplained, _SAMPLES), (~self.unexplained, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
             picked.append(rows[:: max(1, len(rows) // most)][:most])
         return np.sort(np.concatenate(picked))
 
     @cached_property
     @np.errstate(all="ignore")
-    def most(self) -> int:
+    def max_changes(self) -> int:
         """The largest number of mistakes that the wrong answers are enough evidence for.
 
         Evidence is counted in digits of the error, and equal answers count once. The number is
         never larger than that of the answers in ``sample``.
         """
-        digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.left]
-        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.left]], return_index=True)
+        digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.unexplained]
+        _, first = np.unique([f"{x:.8e}" for x in self.answer[self.unexplained]], return_index=True)
         evidence = np.clip(np.nan_to_num(digits[first]), 0, 8).sum()
         return min(int((evidence - _ASSUMED[0]) / _ASSUMED[1]), len(self.sample))
 
@@ -122,11 +122,14 @@ class Search:
     """
 
     def __init__(self, budget: int) -> None:
-        self.left = budget  #: changes that may still be evaluated
+        self.remaining_changes = budget  #: changes that may still be evaluated
 
     @np.errstate(all="ignore")
     def __call__(
-        self, problem: Problem, programs: Sequence[tuple[Values, frozenset[str]]], efforts: int
+        self,
+        problem: RegressionProblem,
+        programs: Sequence[tuple[Values, frozenset[str]]],
+        efforts: int,
     ) -> list[tuple[int, Set]]:
         """Return the smallest sets of changes that give all answers to a quantity.
 
@@ -143,7 +146,7 @@ class Search:
         effects = [
             self.effects(problem, program, right)
             for program, right in programs
-            if self.left > 0 and problem.most > 0
+            if self.remaining_changes > 0 and problem.max_changes > 0
         ]
         for effort in range(1, efforts + 1):
             found = [
@@ -155,9 +158,11 @@ class Search:
                 return found
         return []
 
-    def effects(self, problem: Problem, program: Values, right: frozenset[str]) -> _Effects:
+    def effects(
+        self, problem: RegressionProblem, program: Values, right: frozenset[str]
+    ) -> _Effects:
         found = _Effects(problem, program, right)
-        self.left -= len(found.changes)
+        self.remaining_changes -= len(found.changes)
         return found
 
     def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
@@ -171,8 +176,8 @@ class Search:
         if effort in _HIGHEST_RANKS:
             yield from of.sums(effort, _HIGHEST_RANKS[effort])
             yield from of.solved() if effort == 2 else ()
-        elif self.left > 0:
-            for first in of.firsts():
+        elif self.remaining_changes > 0:
+            for first in of.first_changes():
                 after = self.effects(of.problem, of.program.changed(first.pieces), of.right)
                 for size, highest in ((1, 2), (2, 1)):
                     for rest in after.sums(size, highest):
@@ -191,7 +196,7 @@ class _Effects:
         right: The names of definitions that are not changed.
     """
 
-    def __init__(self, problem: Problem, program: Values, right: frozenset[str]) -> None:
+    def __init__(self, problem: RegressionProblem, program: Values, right: frozenset[str]) -> None:
         self.problem, self.program, self.right = problem, program, right
         self.identity, rows = parsed(problem.identity), problem.sample
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
@@ -206,7 +211,7 @@ class _Effects:
         groups: dict[str, tuple[Array, list[Change]]] = {}
         for change in sorted(changes(values, self.names), key=lambda change: change.order):
             effect = self.total(values.changed(change.pieces)) / unit - self.residual
-            if np.isfinite(effect).all() and np.abs(effect).max() > _NOTHING:
+            if np.isfinite(effect).all() and np.abs(effect).max() > _NEGLIGIBLE_SHARE:
                 mark = f"{effect @ self.weights:.8e}"
                 groups.setdefault(mark, (effect, []))[1].append(change)
         # The likeliest change of each effect, which keeps the others
@@ -217,7 +222,7 @@ class _Effects:
         """Return True if a program with a set of changes gives all answers to the quantity, and
         these are enough evidence for so large a set.
         """
-        return len(some) <= self.problem.most and self.problem.fits(
+        return len(some) <= self.problem.max_changes and self.problem.fits(
             with_changes(self.program, some)
         )
 
@@ -248,11 +253,11 @@ class _Effects:
         target = -float(self.residual @ self.weights)
         groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
         missing = target - marks[groups].sum(axis=1)
-        room = _SAME * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
+        room = _ROUNDING_TOLERANCE * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
         order = np.argsort(marks)
         low = np.searchsorted(marks[order], missing - room)
         high = np.searchsorted(marks[order], missing + room, side="right")
-        if (high - low).sum() > _CROWDED:
+        if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
         sets: dict[tuple[int, ...], Set] = {}
         for group in np.flatnonzero(high > low).tolist():
@@ -291,12 +296,12 @@ class _Effects:
                 if now == off or not np.isfinite(now):
                     break
                 last, off, x = x, now, float(x - now * (x - last) / (now - off))
-            if np.isfinite(x) and self.problem.most >= _SOLVED:
-                text = f"{x:.{_TYPED}g}"
+            if np.isfinite(x) and self.problem.max_changes >= _SOLVED:
+                text = f"{x:.{_TYPED_DIGITS}g}"
                 piece = (name, None, (Term(float(text), ()),))
                 yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
 
-    def firsts(self) -> list[Change]:
+    def first_changes(self) -> list[Change]:
         """Return up to twelve likely changes whose effects are nearly parallel to the answers'
         residual.
         """
@@ -304,4 +309,6 @@ class _Effects:
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         pairs = zip(-along, self.changes, strict=True)
         likely = [pair for pair in pairs if pair[0] < -_DIRECTION and pair[1].rank < 2]
-        return [change for _, change in sorted(likely, key=lambda pair: pair[0])[:_FIRSTS]]
+        return [
+            change for _, change in sorted(likely, key=lambda pair: pair[0])[:_MAX_FIRST_CHANGES]
+        ]

@@ -22,10 +22,12 @@ __all__ = ["Relation", "related", "where"]
 
 # The least share of a quantity's wrong answers that a relation to another question must give.
 _COVERED = 0.4
-_FEW = 3  # the least number of wrong answers that such a relation must give
+_MIN_RELATED_ANSWERS = 3  # the least number of wrong answers that such a relation must give
 _EVIDENCE = 6.0  # digits by which a relation must beat the truth in all, so that it is no accident
-_SURE = 1e-4  # share of the allowed error; answers that are closer are no further evidence
-_MOSTLY = 0.9  # the least share of wrong answers among those that satisfy a condition
+_MIN_SEPARATION = (
+    1e-4  # share of the allowed error; answers that are closer are no further evidence
+)
+_MIN_WRONG_SHARE = 0.9  # the least share of wrong answers among those that satisfy a condition
 _PI = math.pi
 _Function = Callable[[Array], Array]
 _FACTORS = {
@@ -57,7 +59,7 @@ _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 #: Functions of the right value, by rank and sentence
-_OF_VALUE: dict[float, dict[str, _Function]] = {
+_FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _Function]] = {
     0: {"has the wrong sign": np.negative},
     1: {
         "is the modulus of the right value": np.abs,
@@ -102,7 +104,7 @@ _OF_VALUE: dict[float, dict[str, _Function]] = {
     4.5: {f"has the factor {text}": partial(np.multiply, x) for text, x in _TENS.items()},
 }
 #: Functions of the right value x, and of the value y of another quantity or of an input
-_OF_TWO: dict[str, Callable[[Array, Array], Array]] = {
+_FUNCTIONS_OF_TWO_VALUES: dict[str, Callable[[Array, Array], Array]] = {
     "has the values of {y}": lambda x, y: y,
     "has the values of {y} with the wrong sign": lambda x, y: -y,
     "is twice {y}": lambda x, y: 2 * y,
@@ -135,7 +137,7 @@ _LISTS = {
     "order": r"/(?:h|residual)_(\d+)$",
 }
 #: Functions from the places of such a list to the places whose values stand there; "" for none
-_MOVED: dict[str, Callable[[list[str]], list[str]]] = {
+_REORDERINGS: dict[str, Callable[[list[str]], list[str]]] = {
     "the next": lambda places: places[1:],
     "the previous": lambda places: ["", *places],
     "the next but one": lambda places: places[2:],
@@ -145,7 +147,7 @@ _MOVED: dict[str, Callable[[list[str]], list[str]]] = {
     "every second, from the first on,": lambda places: places[::2],
 }
 #: Words of ids that may be exchanged
-_WORDS = (
+_EXCHANGEABLE_WORDS = (
     ("inverted", "noninverted"),
     ("printed", "consistent"),
     ("stable", "unstable"),
@@ -159,7 +161,7 @@ class Relation(NamedTuple):
     rank: float  #: lower is likelier
     says: str  #: sentence with {q} for the quantity
     table: Table
-    stem: str  #: the quantity
+    quantity: str  #: the quantity
     answers: Array  #: mask of the unexplained answers that the relation gives
 
 
@@ -175,7 +177,7 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
         truths: The right values by id.
     """
     x = table.truth
-    for rank, functions in _OF_VALUE.items():
+    for rank, functions in _FUNCTIONS_OF_ONE_VALUE.items():
         for text, function in functions.items():
             yield rank, f"{{q}} {text}", function(x)
     turns = np.round((table.answer - x) / (2 * _PI))
@@ -184,8 +186,10 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
         yield rank, says, _right_values(truths, ids)
     others = _other_values(table, truths)
     for name, values in others.items():
-        y = np.where(table.stems == name, np.nan, values)
-        for n, (text, of_two) in enumerate(_OF_TWO.items()) if np.isfinite(y).any() else ():
+        y = np.where(table.quantity_names == name, np.nan, values)
+        for n, (text, of_two) in (
+            enumerate(_FUNCTIONS_OF_TWO_VALUES.items()) if np.isfinite(y).any() else ()
+        ):
             yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", of_two(x, y)
     yield from _rounded(table)
 
@@ -196,7 +200,7 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
 
     The list has, for each answer, the id of the question whose right value stands in its place.
     """
-    for one, two in _WORDS:
+    for one, two in _EXCHANGEABLE_WORDS:
         what = "law" if one == "linear" else f"{two}/{one}"
         yield 2.5, f"{{q}} has the values of the other {what}", _with_words(table, one, two)
     for what, pattern in _LISTS.items():
@@ -204,13 +208,13 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
         places = list(dict.fromkeys(match[1] for match in matches if match))
         if what != "entry":
             places.sort(key=float)
-        for text, moved in _MOVED.items() if places else ():
+        for text, moved in _REORDERINGS.items() if places else ():
             others = dict(zip(places, moved(places), strict=False))
-            ids = [_put(match, others) if match else "" for match in matches]
+            ids = [_with_word_replaced(match, others) if match else "" for match in matches]
             yield 3, f"{{q}} has the values of {text} {what}", ids
 
 
-def _put(match: re.Match[str], others: Mapping[str, str]) -> str:
+def _with_word_replaced(match: re.Match[str], others: Mapping[str, str]) -> str:
     """Return the text that a regular expression has matched, with the word of its group 1 replaced.
 
     Args:
@@ -238,8 +242,8 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
         truths: The right values by id.
     """
     found = {}
-    names = list(zip(table.ids, table.stems, table.names, strict=True))
-    for name in np.unique(table.stems).tolist():
+    names = list(zip(table.ids, table.quantity_names, table.names, strict=True))
+    for name in np.unique(table.quantity_names).tolist():
         ids = [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names]
         found[name] = _right_values(truths, ids)
     for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
@@ -304,30 +308,32 @@ def related(
         variants: Predicted answers by the sentence about the mistake behind them.
     """
     found = []
-    stems, group = np.unique(table.stems, return_inverse=True)
-    wrong, conditions = np.bincount(group, table.left), list(_conditions(table))
+    stems, group = np.unique(table.quantity_names, return_inverse=True)
+    wrong, conditions = np.bincount(group, table.unexplained), list(_conditions(table))
     others = ((1, says, predicted) for says, predicted in variants.items())
     for rank, says, predicted in chain(others, _predictions(table, truths)):
         known = np.isfinite(predicted)
         fits = table.fitted(predicted) & known
-        mine, against = fits & table.left, known & ~fits
-        away = np.maximum(np.abs(table.answer - predicted), _SURE * table.allowed)
-        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / away), 0.0)
-        told, explained, spoken = (
-            np.bincount(group, one) for one in (digits, mine, against & table.left)
+        mine, against = fits & table.unexplained, known & ~fits
+        distance = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
+        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / distance), 0.0)
+        evidence, explained, contradictions = (
+            np.bincount(group, one) for one in (digits, mine, against & table.unexplained)
         )
-        enough = (explained == wrong) | ((explained >= _COVERED * wrong) & (explained >= _FEW))
-        for n in np.flatnonzero(enough & (told > _EVIDENCE) & (spoken == 0)).tolist():
-            here = group == n
+        enough = (explained == wrong) | (
+            (explained >= _COVERED * wrong) & (explained >= _MIN_RELATED_ANSWERS)
+        )
+        for n in np.flatnonzero(enough & (evidence > _EVIDENCE) & (contradictions == 0)).tolist():
+            in_group = group == n
             for text, mask in conditions:
-                if not (here & np.where(mask, against, table.left)).any():
+                if not (in_group & np.where(mask, against, table.unexplained)).any():
                     found.append(
                         Relation(
                             rank + 5 * bool(text),
                             says + text,
                             table,
                             str(stems[n]),
-                            here & table.left,
+                            in_group & table.unexplained,
                         )
                     )
                     break
@@ -345,11 +351,11 @@ def _conditions(
         table: The answers.
         signed: Numbers by name, one to an entry, whose signs become conditions.
     """
-    yield "", np.ones_like(table.left)
+    yield "", np.ones_like(table.unexplained)
     words = {name: table.given[name] for name in ("equilibrium", "form")}
     words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
     for name, values in words.items():
-        picked = np.unique(values[table.rows][table.left])
+        picked = np.unique(values[table.rows][table.unexplained])
         if len(picked) == 1 and (values != picked[0]).any():
             yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
     for name, values in (signed or {}).items():
@@ -368,8 +374,8 @@ def where(table: Table, gamma_y: Array) -> str:
         table: The answers.
         gamma_y: The sliding velocity of each entry.
     """
-    stems = np.unique(table.stems[table.left])
-    same, given = np.isin(table.stems, stems), table.given
+    stems = np.unique(table.quantity_names[table.unexplained])
+    same, given = np.isin(table.quantity_names, stems), table.given
     names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
     signed = {
@@ -379,7 +385,11 @@ def where(table: Table, gamma_y: Array) -> str:
         "cos(gamma)": np.cos(given["gamma"]),
     }
     for text, mask in _conditions(table, signed):
-        inside, outside = table.left[mask & same], table.left[~mask & same]
-        if len(outside) > _FEW and not outside.any() and inside.mean() >= _MOSTLY:
+        inside, outside = table.unexplained[mask & same], table.unexplained[~mask & same]
+        if (
+            len(outside) > _MIN_RELATED_ANSWERS
+            and not outside.any()
+            and inside.mean() >= _MIN_WRONG_SHARE
+        ):
             return names + text
     return names

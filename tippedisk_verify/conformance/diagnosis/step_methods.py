@@ -13,10 +13,12 @@ from tippedisk_verify.model.parameters import Constants
 __all__ = ["recognised_method"]
 
 _STATE = ("beta", "gamma", "v")
-_TRIED = 3  # trajectories that a method is tried on
-_LEAVES = 0.02  # share of the errors that a method may leave unexplained
+_MAX_TRAJECTORIES = 3  # trajectories that a method is tried on
+_MAX_UNEXPLAINED_SHARE = 0.02  # share of the errors that a method may leave unexplained
 _STEPS = sorted(factor * 10.0**-k for k in range(2, 6) for factor in (1, 1.25, 2, 2.5, 4, 5))  # s
-_NEAREST = 4  # steps that are tried, nearest to the step that the order of the method suggests
+_MAX_STEP_SIZES = (
+    4  # steps that are tried, nearest to the step that the order of the method suggests
+)
 _REFERENCE_STEP = 2e-3  # s, from which errors are extrapolated; friction damps at about 130/s
 #: Methods by name: the order, the share of the step at which each slope after the first is
 #: evaluated, and the weights of the slopes.
@@ -72,9 +74,9 @@ def recognised_method(table: Table) -> str:
     columns = [table.column(f"{x}@{time:g}") for x in _STATE]
     truths = np.array([column.truth for column in columns])
     errors = np.array([column.answer for column in columns]) - truths
-    rows = np.flatnonzero(np.isfinite(errors).all(axis=0))[:_TRIED]
+    rows = np.flatnonzero(np.isfinite(errors).all(axis=0))[:_MAX_TRAJECTORIES]
     truths, errors = truths[:, rows], errors[:, rows]
-    if not errors.any() or not table.left.any():
+    if not errors.any() or not table.unexplained.any():
         return ""
     r, e, m, A, B, g, mu, epsilon, omega, *start = (table.given[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
@@ -90,9 +92,9 @@ def recognised_method(table: Table) -> str:
     for name, scheme in _METHODS.items():
         own = float(np.linalg.norm(errors_of(scheme, _REFERENCE_STEP)))
         guess = _REFERENCE_STEP * (size / own) ** (1 / scheme[0])
-        for step in sorted(_STEPS, key=lambda step: abs(np.log(step / guess)))[:_NEAREST]:
-            if np.linalg.norm(errors_of(scheme, step) - errors) < _LEAVES * size:
-                table.left[:] = False
+        for step in sorted(_STEPS, key=lambda step: abs(np.log(step / guess)))[:_MAX_STEP_SIZES]:
+            if np.linalg.norm(errors_of(scheme, step) - errors) < _MAX_UNEXPLAINED_SHARE * size:
+                table.unexplained[:] = False
                 step_ms = f"{1000 * step:g} ms"
                 return f"the trajectories have the errors of {name} at a fixed step of {step_ms}"
     return ""

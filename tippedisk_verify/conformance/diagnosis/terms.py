@@ -29,7 +29,7 @@ __all__ = [
 ]
 
 
-_ONE = ("", "1")  #: names that stand for no factor
+_UNIT_FACTORS = ("", "1")  #: names that stand for no factor
 
 
 class Term(NamedTuple):
@@ -55,7 +55,7 @@ class Term(NamedTuple):
         powers = dict[str, int]()
         for name, power in (*self.factors, *other.factors):
             powers[name] = powers.get(name, 0) + power
-        kept = (item for item in powers.items() if item[0] not in _ONE and item[1])
+        kept = (item for item in powers.items() if item[0] not in _UNIT_FACTORS and item[1])
         return Term(self.number * other.number, tuple(kept))
 
     def times(self, number: float, name: str = "", power: int = 1) -> Term:
@@ -68,7 +68,7 @@ class Term(NamedTuple):
         """
         return self.by(Term(number, ((name, power),)))
 
-    def put(self, old: str, new: str, power: int) -> Term:
+    def with_factor_replaced(self, old: str, new: str, power: int) -> Term:
         """Return the term with some powers of one factor replaced by as many of another.
 
         Args:
@@ -159,7 +159,7 @@ class Values:
         """Return the values of the same equations for other or additional inputs."""
         return Values(self.definitions, {**self.given, **inputs})
 
-    def holding(self, **inputs: Any) -> Values:
+    def with_inputs(self, **inputs: Any) -> Values:
         """Return the values of the equations when some definitions are replaced by inputs of the
         same names.
         """
@@ -171,7 +171,7 @@ class Values:
             self.known[name] = self._computed(name)
         return self.known[name][0]
 
-    def behind(self, name: str) -> frozenset[str]:
+    def inputs_of(self, name: str) -> frozenset[str]:
         """Return the names of all definitions and inputs from which a value is computed, its own
         among them.
         """
@@ -204,7 +204,7 @@ class Values:
             return self.given[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
             at = self.at(**{slope[2]: self.given[slope[2]] + _IMAGINARY_STEP * 1j})
-            return np.imag(at[slope[1]]) / _IMAGINARY_STEP, at.behind(slope[1]) | {name}
+            return np.imag(at[slope[1]]) / _IMAGINARY_STEP, at.inputs_of(slope[1]) | {name}
         elif name in self.given:
             return self.given[name], frozenset([name])
         else:

@@ -346,7 +346,7 @@ class BallArray:
             else BallArray.of([value])[np.zeros(len(self), int)]
         )
 
-    alike = constant
+    converted_like = constant
 
     @quieted
     def union(self, other: Any) -> BallArray:

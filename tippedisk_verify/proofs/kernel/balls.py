@@ -32,23 +32,23 @@ __all__ = [
     "BallOps",
     "DisturbedError",
     "Unproved",
-    "alike",
     "arb",
     "around_zero",
     "ball",
     "ball_constants",
     "coefficient",
+    "converted_like",
+    "cut_for_derivatives",
     "inside",
     "intersection",
     "is_ball_array",
     "midpoint_and_radius",
     "negative",
     "positive",
+    "range_of",
     "require",
-    "rough",
     "series_length",
     "upper",
-    "whole",
     "working_bits",
     "working_precision",
 ]
@@ -198,27 +198,27 @@ def upper(x: Any) -> Any:
     return x.abs_upper().midpoints if is_ball_array(x) else float(x.abs_upper())
 
 
-def alike(sample: Any, value: object) -> Any:
+def converted_like(sample: Any, value: object) -> Any:
     """Convert a number or ball to a ball in the arithmetic of ``sample``.
 
     An object of the type of ``sample`` is returned unchanged.
     """
     if type(value) is type(sample):
         return value
-    return sample.alike(value) if hasattr(sample, "alike") else ball(value)
+    return sample.converted_like(value) if hasattr(sample, "converted_like") else ball(value)
 
 
-def whole(x: Any) -> Any:
+def range_of(x: Any) -> Any:
     """Return a ball that holds all values of a `jets.Jet`; return anything else unchanged."""
     return x.range() if hasattr(x, "c") else x
 
 
-def rough(x: Any) -> Any:
+def cut_for_derivatives(x: Any) -> Any:
     """Return a jet ``x`` with its degree cut to `jets.ROUGH_DEGREE`, enough for derivatives.
 
     The result still encloses the same functions. Anything else is returned unchanged.
     """
-    return x.rough() if hasattr(x, "c") else x
+    return x.cut_for_derivatives() if hasattr(x, "c") else x
 
 
 def around_zero(radius: Any) -> Any:

@@ -17,7 +17,15 @@ from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Protocol
 
-from tippedisk_verify.proofs.kernel.balls import BallOps, alike, ball, require, rough, upper, whole
+from tippedisk_verify.proofs.kernel.balls import (
+    BallOps,
+    ball,
+    converted_like,
+    cut_for_derivatives,
+    range_of,
+    require,
+    upper,
+)
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
@@ -84,7 +92,7 @@ class StepProposer(Protocol):
         """
         ...
 
-    def took(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
+    def step_taken(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
         """Record that the path has taken the step, with these axes at its end."""
         ...
 
@@ -169,7 +177,9 @@ class Path:
         #: The start of the midpoint's orbit, if it is known separately
         self.middle: Sequence[Any] | None = None
         self.box = self.frame.box()
-        self.time, self.divergence = (alike(part, 0) for part in (self.box[0], rough(self.box[0])))
+        self.time, self.divergence = (
+            converted_like(part, 0) for part in (self.box[0], cut_for_derivatives(self.box[0]))
+        )
         self.steps = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
         self.tested: Step | None = None  #: by its latest trial
@@ -196,7 +206,7 @@ class Path:
 
         If no step is proved, sets ``status`` and returns None.
         """
-        self.status = self._spent()
+        self.status = self._exhaustion()
         step = None if self.status else self.proposer.step(self, longest)
         if step is None:
             self.status = self.status or FlowStatus.NO_ENCLOSURE
@@ -210,7 +220,7 @@ class Path:
         )
         return own
 
-    def _spent(self) -> FlowStatus | None:
+    def _exhaustion(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
             return FlowStatus.NO_ENCLOSURE
         if max(magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
@@ -221,7 +231,9 @@ class Path:
         """Return the set of the states (a `Frame`) after ``time`` [s] in the step, or at the step's
         end if the time is left out.
         """
-        stiffness = 1 + upper(whole(step.derivatives[8][1]))  # of d(v)/d(v): its rate at the start
+        stiffness = 1 + upper(
+            range_of(step.derivatives[8][1])
+        )  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(
             centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness)
@@ -231,9 +243,9 @@ class Path:
         """Move the path forward to the end of a step, or to ``time`` (a number or ball) within the
         step.
         """
-        moment = alike(self.time, step.length) if time is None else time
+        moment = converted_like(self.time, step.length) if time is None else time
         frame = self.carried(step, time)
-        self.proposer.took(step, [[*row] for row in frame.axes])
+        self.proposer.step_taken(step, [[*row] for row in frame.axes])
         if self.sharp:
             self.divergence = self.divergence + step.divergence_at(moment)
         self.frame, self.box, self.time, self.steps = (

@@ -25,7 +25,7 @@ from copy import copy
 from operator import mul
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import alike, upper, whole
+from tippedisk_verify.proofs.kernel.balls import converted_like, range_of, upper
 
 __all__ = ["Frame"]
 
@@ -38,7 +38,7 @@ class Frame:
 
     It also holds their derivatives (3, 4) with respect to the start's three coordinates and Omega.
 
-    In a set over a curve (`curves`), middle and lead are jets, and the deviations differ. Its
+    In a set over a curve (`half_map_of_curves`), middle and lead are jets, and the deviations differ. Its
     ``own`` is the part of ``rest`` that belongs to the middle's own orbits.
     """
 
@@ -52,7 +52,7 @@ class Frame:
             omega - omega.mid(),
         ]
         self.columns: Sequence[int] = (3,)  #: which of them the equations depend on
-        zero, one = (alike(self.middle[0], k) for k in (0, 1))
+        zero, one = (converted_like(self.middle[0], k) for k in (0, 1))
         unit = [[one if k == row else zero for k in range(3)] for row in range(3)]
         self.lead: Matrix = [[*row, zero] for row in unit]
         self.axes: Matrix = unit
@@ -90,7 +90,7 @@ class Frame:
         )
         return tuple(a + b + c for a, b, c in parts)
 
-    def own_image(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
+    def image_of_middle(self, centre: Sequence[Any], rows: Matrix) -> list[Any]:
         """Return a box that holds the images, under a map, of the states on the middle's own
         orbits, without those of other orbits of the set.
 
@@ -134,13 +134,13 @@ class Frame:
         left = _product(
             inverse,
             [
-                [whole(a - b) for a, b in zip(*rows, strict=True)]
+                [range_of(a - b) for a, b in zip(*rows, strict=True)]
                 for rows in zip(lead, image.lead, strict=True)
             ],
         )
         turned = _product(inverse, turned)
         away = _applied(
-            inverse, [whole(part - mid) for part, mid in zip(centre, image.middle, strict=True)]
+            inverse, [range_of(part - mid) for part, mid in zip(centre, image.middle, strict=True)]
         )
         parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
         image.rest = [a + b + c for a, b, c in parts]
@@ -159,7 +159,7 @@ class Frame:
         for entries, row in zip(lead, rows, strict=True):
             for column, own in zip(self.columns, row[3:], strict=True):
                 entries[column] = entries[column] + own
-        return lead, [[whole(entry) for entry in row] for row in _product(rows, self.axes)]
+        return lead, [[range_of(entry) for entry in row] for row in _product(rows, self.axes)]
 
 
 def _product(a: Matrix, b: Matrix) -> list[list[Any]]:

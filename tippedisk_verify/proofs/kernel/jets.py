@@ -188,11 +188,11 @@ class Jet:
             result = result * s + x
         return result
 
-    def alike(self, value: Any) -> Jet:
+    def converted_like(self, value: Any) -> Jet:
         """Return the constant function ``value`` as a jet of this jet's degree."""
         return Jet.constant(ball(value), self.degree)
 
-    def rough(self) -> Jet:
+    def cut_for_derivatives(self) -> Jet:
         """Return the jet cut to `ROUGH_DEGREE`, the degree that suffices for derivatives."""
         return self.cut(ROUGH_DEGREE)
 

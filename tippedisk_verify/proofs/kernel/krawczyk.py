@@ -25,9 +25,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, require
+from tippedisk_verify.proofs.kernel.certificate_format import dyadic, order, radius
 from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
-from tippedisk_verify.proofs.kernel.reading import dyadic, order, radius
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.kernel.step import Step
@@ -244,7 +244,7 @@ class StepReplay:
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]
 
-    def took(self, step: Step, axes: Any) -> None:
+    def step_taken(self, step: Step, axes: Any) -> None:
         self._open = False
 
     def _place(self) -> str:

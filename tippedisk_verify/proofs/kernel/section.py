@@ -35,7 +35,7 @@ from dataclasses import dataclass
 from enum import Enum
 from typing import Any, NamedTuple
 
-from tippedisk_verify.proofs.kernel.balls import alike, arb, inside, negative, positive
+from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
@@ -71,7 +71,7 @@ class PoincareSection(NamedTuple):
         """Return the state (beta_bar, gamma_bar, v) of the point on the section with these two
         coordinates.
         """
-        state = [alike(v, 0), alike(v, 0), v]
+        state = [converted_like(v, 0), converted_like(v, 0), v]
         state[self.first] = first
         return state
 
@@ -127,11 +127,11 @@ def return_map(
     """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
-    if section == HALF and not negative(alike(path.time, box[1])):
+    if section == HALF and not negative(converted_like(path.time, box[1])):
         return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
-        tried: Round | None = None
+        tried: TriedStep | None = None
         for _ in range(_MAX_CUTS):
             before, tried = tried, poincare_map.advance(length)
             if tried is None or tried.proved:
@@ -160,7 +160,7 @@ class SectionCase(Enum):
     CROSSES = "they cross the section"
 
 
-class Round(NamedTuple):
+class TriedStep(NamedTuple):
     """The result of one step that was tried on the way to the section."""
 
     length: float  #: of the step [s]
@@ -187,7 +187,7 @@ class PoincareMap:
         #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
         self.turn: tuple[Any, Any] = (None, None)
 
-    def advance(self, longest: float | None = None) -> Round | None:
+    def advance(self, longest: float | None = None) -> TriedStep | None:
         """Try one step of the flight, take it if it is proved, and return its proved properties.
 
         Returns None if the path finds no step.
@@ -197,17 +197,17 @@ class PoincareMap:
             return None
         upright, case = self._case(step)
         if not upright or case is None:
-            return Round(step.length, upright, False)
+            return TriedStep(step.length, upright, False)
         if case is SectionCase.CROSSES:
             moment = self._crossing(step)
             if moment is None:
-                return Round(step.length, upright, False)
+                return TriedStep(step.length, upright, False)
             self.path.take(step, moment)
-            return Round(step.length, upright, True, self._landed())
+            return TriedStep(step.length, upright, True, self._landed())
         if case is SectionCase.TURNS and not self._turn(step):
-            return Round(step.length, upright, False)
+            return TriedStep(step.length, upright, False)
         self.path.take(step)
-        return Round(step.length, upright, True)
+        return TriedStep(step.length, upright, True)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown
@@ -218,7 +218,7 @@ class PoincareMap:
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
-        upright = inside(beta, alike(beta, arb(0, BELOW_HALF_PI)))
+        upright = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
         if self.section == TURN:
             ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
             if negative(ahead):
@@ -290,7 +290,7 @@ class PoincareMap:
         if path.sharp:
             state = list(path.box)
             if sign < 0:  # that is where the section lies
-                state[section.zero] = alike(state[2], 0)
+                state[section.zero] = converted_like(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
             # On the section the time changes with the start, dt = -d(component) / its rate, and the
             # other components change with it.

@@ -52,16 +52,16 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
-    alike,
     arb,
     ball_constants,
+    converted_like,
     negative,
     positive,
     upper,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
-from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.series import Graph, System
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
 
@@ -138,7 +138,9 @@ class SmoothModel(Model):
         """Return Taylor coefficients 0 to ``order`` of the sliding velocity gamma_y along orbits
         from a state.
         """
-        integral = self._with_path.coefficients([*state, alike(state[0], 0)], order + 1)[-1]
+        integral = self._with_path.coefficients([*state, converted_like(state[0], 0)], order + 1)[
+            -1
+        ]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
     def path(

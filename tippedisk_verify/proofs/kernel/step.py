@@ -43,17 +43,17 @@ from operator import and_
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import (
-    alike,
     arb,
     around_zero,
+    converted_like,
+    cut_for_derivatives,
     inside,
     intersection,
     is_ball_array,
     negative,
     positive,
-    rough,
+    range_of,
     upper,
-    whole,
     working_bits,
     working_precision,
 )
@@ -90,7 +90,7 @@ class Step:
         """Return the derivatives of the state at ``time`` with respect to the state at the step's
         start and Omega, for every orbit from the box.
         """
-        columns, time = range(0, len(self.derivatives) - 2, 3), rough(time)
+        columns, time = range(0, len(self.derivatives) - 2, 3), cut_for_derivatives(time)
         return tuple(
             tuple(polynomial(self.derivatives[column + row], time) for column in columns)
             for row in range(3)[components]
@@ -106,7 +106,7 @@ class Step:
         """Return the integral of div f, the field's divergence, from the step's start
         to ``time``.
         """
-        return polynomial(self.derivatives[-1], rough(time))
+        return polynomial(self.derivatives[-1], cut_for_derivatives(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
         """Return balls of the state, or of some components, after ``time``, a ball within [0,
@@ -127,7 +127,7 @@ class Step:
         """The state of the midpoint's orbit at the step's end, and the derivatives that `rows_at`
         gives there.
         """
-        time = alike(self.polynomials[0][0], self.length)
+        time = converted_like(self.polynomials[0][0], self.length)
         return self.centre(time), self.rows_at(time)
 
     def centre(self, time: Any, components: slice = _ALL) -> Sequence[Any]:
@@ -136,7 +136,7 @@ class Step:
 
     def span(self) -> Any:
         """Return a ball that holds all times of the step, from 0 to its length."""
-        return _from_zero(alike(self.enclosure[0], self.length))
+        return _from_zero(converted_like(self.enclosure[0], self.length))
 
 
 def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
@@ -155,8 +155,8 @@ class Trial:
         self.path, self.orders, model = path, orders, path.model
         self.frame = path.frame  #: the path's place
         self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
-        box = [rough(part) for part in path.box]
-        zero, one = (alike(box[0], k) for k in (0, 1))
+        box = [cut_for_derivatives(part) for part in path.box]
+        zero, one = (converted_like(box[0], k) for k in (0, 1))
         columns = range(3 + len(path.frame.columns))
         start = [*box, *(one if row == column else zero for column in columns for row in range(3))]
         if path.sharp:
@@ -181,8 +181,8 @@ class Trial:
             enclosure,
             self.frame,
             self.orders,
-            [[*c, alike(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
-            [[*c, alike(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
+            [[*c, converted_like(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
+            [[*c, converted_like(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
             included,
         )
         return step
@@ -196,9 +196,9 @@ class Trial:
         derivatives to the rough order. The last tells whether the step is proved.
         """
         bound, (order, rough_order) = self.path.model.bound, self.orders
-        time = alike(whole(self.wide[0][0]), whole(length))
+        time = converted_like(range_of(self.wide[0][0]), range_of(length))
         span, power = _from_zero(time), _from_zero(time**rough_order)
-        coefficients = [[whole(coefficient) for coefficient in series] for series in self.wide]
+        coefficients = [[range_of(coefficient) for coefficient in series] for series in self.wide]
         ranges = [polynomial(series, span) for series in coefficients]
         # The last term's contribution is a fair guess of the remainder's.
         box = [
@@ -234,12 +234,12 @@ def enclosed_moment(
         guess, reach = moment.mid(), moment.rad()
         if not (positive(guess) and positive(step.length - guess)):
             return None
-        there = value(guess)
-        if positive(there):
+        value_at_guess = value(guess)
+        if positive(value_at_guess):
             moment = guess.union(guess - reach)
-        elif negative(there):
+        elif negative(value_at_guess):
             moment = guess.union(guess + reach)
-        moment = intersection(guess - there / slope, moment)
+        moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
         if not 1.5 * upper(moment.rad()) < upper(reach):
             break

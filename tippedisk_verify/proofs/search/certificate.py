@@ -13,8 +13,8 @@ from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
+from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_text
 from tippedisk_verify.proofs.kernel.certificates import FORMAT, sentence
-from tippedisk_verify.proofs.kernel.reading import digest, dyadic_text
 from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts"]

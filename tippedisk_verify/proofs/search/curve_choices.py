@@ -1,8 +1,8 @@
 """Arcs of the family of limit cycles: polynomials, boxes, steps and axes that the kernel is likely
 to accept.
 
-Balls become points and floats everywhere. `kernel.curves` and `kernel.certificates.family` test
-these choices, and any choice that passes is right.
+Balls become points and floats everywhere. `kernel.half_map_of_curves` and
+`kernel.certificates.family` test these choices, and any choice that passes is right.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     signs,
     upper_bound,
 )
-from tippedisk_verify.proofs.kernel.curves import (
+from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
+from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     ORDERS,
     UNKNOWNS,
     Arc,
@@ -33,9 +34,8 @@ from tippedisk_verify.proofs.kernel.curves import (
     Matrix,
     inverse,
 )
-from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
 from tippedisk_verify.proofs.numbers import WIDER, measured
 from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts
@@ -121,7 +121,7 @@ class StepSearch:
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
-    def took(self, step: Step, axes: Matrix | None) -> None:
+    def step_taken(self, step: Step, axes: Matrix | None) -> None:
         """Do nothing: `step` has recorded the step."""
 
     def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
@@ -149,7 +149,7 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
 
 
-def glide(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
+def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequence[Jet], Jet]:
     """Approximate the half map on a curve of starts: return the images (gamma_bar, v) and the time
     of flight, as jets.
 
@@ -229,7 +229,7 @@ def family_polynomials(
                 polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
         curve = kind(first, v, speed, [zero] * 3, half)
-        image, half = glide(constants, curve)
+        image, half = approximate_flight(constants, curve)
         value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
         for row, index in zip(chord, UNKNOWNS, strict=True):
             polynomials[index][k] = (
@@ -274,14 +274,16 @@ def _slope(
     first, v, speed = (
         Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
     )
-    image, _ = glide(constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1)))
+    image, _ = approximate_flight(
+        constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1))
+    )
     return [
         (part.c[1] / _DIFFERENCE_SHARE).mid() - own[moving]
         for part, own in zip(image, kind.unit, strict=True)
     ]
 
 
-class Boxed(NamedTuple):
+class BoxedTest(NamedTuple):
     """A passed Krawczyk test of an arc of the family, with the box's radii and the
     recorded steps.
     """
@@ -296,7 +298,7 @@ class Boxed(NamedTuple):
         return {"radii": [*map(exact_text, self.radii)], "steps": self.steps}
 
 
-def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
+def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
     """Repeat Krawczyk's test of an arc with adapted boxes until it passes, and return the passed
     test.
 
@@ -318,7 +320,7 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> Boxed:
             two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return Boxed(arc, sizes, within, choices.log)
+            return BoxedTest(arc, sizes, within, choices.log)
         radii = [2 * part for part in within]
     raise Stopped(ArcStatus.NOT_INCLUDED)
 
@@ -371,7 +373,7 @@ def prove_piece(
             wide, choices = [two_digits(slope * room * share) for slope in slopes], StepSearch()
             with suppress(Unproved):
                 if min(map(sub, wide, box.radii)) > 0 and (wider := test(wide, choices)).included:
-                    unique = Boxed(wider, wide, box.within, choices.log)
+                    unique = BoxedTest(wider, wide, box.within, choices.log)
                     evidence["wide box"] = unique.evidence
                     break
         first, second = rows.numbers

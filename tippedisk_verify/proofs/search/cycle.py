@@ -176,7 +176,7 @@ def prove_cycle(
     digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
     InputError for a guess or speed out of range. Any other failure is a status.
     """
-    attempt = Attempt(parameters, checked_speed(omega), digits, most_bits, section)
+    attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
         raise InputError(
             f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v"
@@ -189,7 +189,7 @@ def prove_cycle(
         )
 
 
-class Attempt:
+class CycleAttempt:
     """The search for a proof of one limit cycle at one speed, with its current precision and box
     size.
 

@@ -32,8 +32,8 @@ from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
 __all__ = [
     "HOPF_END",
     "Interval",
-    "Known",
-    "chain",
+    "KnownCycle",
+    "connected_pieces",
     "guess_at",
     "hopf_guess",
     "open_intervals",
@@ -48,7 +48,7 @@ _LONGEST, _SHARE = (
 )  # length of an interval [rad], and relative to the distance of pi from its beginning
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
-_HOPELESS = (ArcStatus.RISING, ArcStatus.UNSTABLE)
+_FINAL_FAILURES = (ArcStatus.RISING, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
 _INTERVAL_LENGTHS = (
     "0.008",
@@ -62,7 +62,7 @@ _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
-Known = tuple[Fraction, Fraction, Fraction, Fraction]
+KnownCycle = tuple[Fraction, Fraction, Fraction, Fraction]
 Found = tuple[Piece | ArcStatus, "Interval"]
 Watch = Callable[[Piece | ArcStatus, "Interval"], None]
 #: A maker of a pool of processes, for several intervals
@@ -72,7 +72,7 @@ Pool = Callable[[bool], AbstractContextManager[Executor | None]]
 def prove_family(
     parameters: Parameters,
     connected_at: Callable[[int], Fraction | None],
-    cycles_at: Callable[[list[Fraction] | None], list[Known]],
+    cycles_at: Callable[[list[Fraction] | None], list[KnownCycle]],
     until: Fraction | None = None,
     pool: Pool = lambda several: nullcontext(),
     stage: Callable[[str], None] = lambda name: None,
@@ -106,7 +106,7 @@ def prove_family(
     stopped = prove_intervals(
         parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep
     )
-    if chain(pieces):
+    if connected_pieces(pieces):
         stage("the connection")
         speeds: list[Fraction] | None = None
         if (near_omega_h := connected_at(_CONNECTION_DIGITS + 5)) is not None:
@@ -123,7 +123,7 @@ def prove_family(
             stage("arcs")
             with pool(len(left) > 1) as executor:
                 stopped = prove_intervals(parameters, left, known, executor, keep)
-    one_curve = chain(pieces)
+    one_curve = connected_pieces(pieces)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
     return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
@@ -146,7 +146,7 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     return end
 
 
-def _end_for(near: ConnectionCyclesProof | None, known: Sequence[Known]) -> Fraction | None:
+def _end_for(near: ConnectionCyclesProof | None, known: Sequence[KnownCycle]) -> Fraction | None:
     """Return an amplitude at which the family's pieces run into the proved cycles next to the
     connection.
 
@@ -197,7 +197,7 @@ def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
     """Return the intervals of amplitudes between the Hopf point and the amplitude ``end`` on which
     the family is not yet proved.
     """
-    covered = chain(pieces)
+    covered = connected_pieces(pieces)
     low = covered[-1].high if covered else Fraction(0)
     later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
     left: list[Interval] = []
@@ -206,12 +206,12 @@ def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
         left.append(Interval(Fraction(0), low))
     for piece in later:
         if piece.low >= low:
-            left += _cut(low, min(piece.low, end))
+            left += _subintervals(low, min(piece.low, end))
             low = piece.high
-    return left + list(_cut(low, end))
+    return left + list(_subintervals(low, end))
 
 
-def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
+def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
     while low < high:
         length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
         # Few digits, and no short last interval.
@@ -222,7 +222,7 @@ def _cut(low: Fraction, high: Fraction) -> Iterator[Interval]:
         low = until
 
 
-def chain(pieces: Iterable[Piece]) -> list[Piece]:
+def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
     """Return those of the proved pieces that form one curve from the Hopf point on, in order."""
     curve: list[Piece] = []
     for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
@@ -247,7 +247,7 @@ def hopf_guess(parameters: Parameters) -> Guess:
         return first, second, third
 
 
-def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
+def guess_at(known: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
     """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
     proof depends on it.
     """
@@ -263,7 +263,7 @@ def guess_at(known: Sequence[Known], amplitude: Fraction) -> Guess:
 def prove_intervals(
     parameters: Parameters,
     intervals: Sequence[Interval],
-    known: Sequence[Known],
+    known: Sequence[KnownCycle],
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
 ) -> ArcStatus | None:
@@ -278,11 +278,11 @@ def prove_intervals(
     jobs = _Jobs(parameters, known, executor, intervals)
     for found, interval in jobs:
         if isinstance(found, ArcStatus):
-            if found not in _HOPELESS and interval.halvings < _MAX_HALVINGS:
+            if found not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
                 jobs.add(interval.halves())
                 continue
             given_up.append((interval.low, found))
-            jobs.drop_from(interval.low)
+            jobs.cancel_from(interval.low)
         watch(found, interval)
     return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
 
@@ -297,7 +297,7 @@ class _Jobs:
     def __init__(
         self,
         parameters: Parameters,
-        known: Sequence[Known],
+        known: Sequence[KnownCycle],
         executor: Executor | None,
         intervals: Iterable[Interval],
     ) -> None:
@@ -313,7 +313,7 @@ class _Jobs:
                 self.running[self.executor.submit(_attempt, *self._job(interval))] = interval
             self.waiting = []
 
-    def drop_from(self, low: Fraction) -> None:
+    def cancel_from(self, low: Fraction) -> None:
         """Cancel the proofs of intervals beyond the amplitude ``low`` that have not begun."""
         self.waiting = [interval for interval in self.waiting if interval.low < low]
         for future in [

@@ -109,7 +109,7 @@ def prove_fold(
     arc = Measured(round(p, places + 2), Fraction(1, 10**places))
     # Enough for the squared half-length, with a margin
     bits = bits_for_digits(digits + 2 * _ARC_DIGITS + 4) + _GUARD_BITS
-    attempt = _Attempt(section, parameters, (v, omega), arc)
+    attempt = _FoldAttempt(section, parameters, (v, omega), arc)
     with working_precision(bits):
         try:
             extremum, values = attempt.run()
@@ -122,7 +122,7 @@ def prove_fold(
     )
 
 
-class _Attempt:
+class _FoldAttempt:
     """A proof of a fold in progress, near one point and on one arc of cycles.
 
     Failures are raised as Unproved.

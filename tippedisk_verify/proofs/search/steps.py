@@ -16,9 +16,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
+from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.reading import dyadic_text
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
@@ -112,9 +112,12 @@ class Steps:
 
         They are rounded to a few bits, which keeps the log short.
         """
-        return [[_short(entry) for entry in row] for row in axes_of_balls(turned, sizes, stiffness)]
+        return [
+            [_rounded_centre(entry) for entry in row]
+            for row in axes_of_balls(turned, sizes, stiffness)
+        ]
 
-    def took(self, step: Step, axes: Matrix) -> None:
+    def step_taken(self, step: Step, axes: Matrix) -> None:
         parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
         self.log.append(
             {
@@ -198,7 +201,7 @@ def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     return math.exp2(min(0.0, *exponents))
 
 
-def _short(point: Any) -> Any:
+def _rounded_centre(point: Any) -> Any:
     mantissa, exponent = math.frexp(float(point))
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
 

@@ -9,15 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, require, working_precision
-from tippedisk_verify.proofs.kernel.certificates import (
-    connection,
-    connection_cycles,
-    cycle,
-    family,
-    fold,
-)
-from tippedisk_verify.proofs.kernel.field import UNITS
-from tippedisk_verify.proofs.kernel.reading import (
+from tippedisk_verify.proofs.kernel.certificate_format import (
     DISK,
     LAWS,
     ClaimReader,
@@ -28,6 +20,14 @@ from tippedisk_verify.proofs.kernel.reading import (
     parsed,
     precision,
 )
+from tippedisk_verify.proofs.kernel.certificates import (
+    connection,
+    connection_cycles,
+    cycle,
+    family,
+    fold,
+)
+from tippedisk_verify.proofs.kernel.field import UNITS
 
 __all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
 

@@ -37,6 +37,7 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
+from tippedisk_verify.proofs.kernel.certificate_format import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
@@ -50,7 +51,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     require_positive,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
-from tippedisk_verify.proofs.kernel.reading import MEASURED, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [
@@ -143,9 +143,9 @@ def verify_connection(
         if step is None:
             raise Unproved("6.2: the flight between the saddles could not be enclosed")
         pieces += _parts(step)
-        upright = upright and _stands(step.enclosure[0])
+        upright = upright and _keeps_standing(step.enclosure[0])
         path.take(step)
-        z = saddle.seen(path.frame)
+        z = saddle.enclosed_coordinates(path.frame)
         if choose("arrived", path, z, arriving):
             break
     G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
@@ -158,10 +158,13 @@ def verify_connection(
     )
     # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
-    ends = [saddle.seen(path.frame, [*path.frame.deviation[:3], shift]) for shift in shifts]
+    ends = [
+        saddle.enclosed_coordinates(path.frame, [*path.frame.deviation[:3], shift])
+        for shift in shifts
+    ]
     first, last = (arriving.straightened(end)[0] for end in ends)
-    rising = _surely(-first - delta, last - delta)
-    require(rising or _surely(first - delta, -last - delta), SIDES)
+    rising = _all_positive(-first - delta, last - delta)
+    require(rising or _all_positive(first - delta, -last - delta), SIDES)
     offset = saddle.offset(box)
     room = choose("room", offset, pieces, saddle, G)
     require(
@@ -169,7 +172,7 @@ def verify_connection(
         "6.3: the box at the second saddle is not shown to keep what arrives",
     )
     unique = one_speed_stays(saddle, room, G, choose)
-    upright = upright and _stands(ball(room[0]))
+    upright = upright and _keeps_standing(ball(room[0]))
     return EnclosedConnection(
         disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces
     )
@@ -209,7 +212,7 @@ def _departure(
     )
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
-    rows, slopes = saddle.directions.tolist(), curve.steepness(arb(0).union(theta))
+    rows, slopes = saddle.directions.tolist(), curve.slope_over(arb(0).union(theta))
     directions = [slope + arb(0, abs_upper(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
@@ -221,17 +224,17 @@ def _departure(
     return (
         start,
         [arb(0), arb(0, abs_upper(k_s)), arb(0, abs_upper(k_f)), arb(1)],
-        _stands(offset[0]),
+        _keeps_standing(offset[0]),
         state,
     )
 
 
-def _surely(*balls: Any) -> bool:
+def _all_positive(*balls: Any) -> bool:
     return all(positive(x) for x in balls)
 
 
-def _stands(beta: Any) -> bool:
-    return _surely(ball(_BELOW_HALF_PI) - abs(beta))
+def _keeps_standing(beta: Any) -> bool:
+    return _all_positive(ball(_BELOW_HALF_PI) - abs(beta))
 
 
 def _parts(step: Step) -> list[Any]:
@@ -261,10 +264,12 @@ def room_keeps_orbits(
         (place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0
     )
     late = offsets[first:]
-    if not first or not all(_surely(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
+    if not first or not all(_all_positive(beta.sin(), sizes[1] - gamma) for beta, gamma, _ in late):
         return False
-    inside = all(_surely(sizes[k] - abs(state[k])) for state in late for k in (0, 2))
-    return inside and all(_surely(size - abs(x)) for size, x in zip(sizes, offset, strict=True))
+    inside = all(_all_positive(sizes[k] - abs(state[k])) for state in late for k in (0, 2))
+    return inside and all(
+        _all_positive(size - abs(x)) for size, x in zip(sizes, offset, strict=True)
+    )
 
 
 def one_speed_stays(
@@ -293,7 +298,7 @@ def one_speed_stays(
     )
     weights = choose("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
-    return _surely(*weights, *inside, *cones(matrix, weights, by_speed))
+    return _all_positive(*weights, *inside, *cones(matrix, weights, by_speed))
 
 
 def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
@@ -309,7 +314,7 @@ def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
         (matrix[row, row], sum((abs(matrix[row, k]) for k in range(3) if k != row), arb(0)))
         for row in (SLOW, FAST)
     )
-    return _surely(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
+    return _all_positive(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
 
 def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:

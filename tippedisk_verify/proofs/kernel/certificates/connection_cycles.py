@@ -127,6 +127,15 @@ from flint import arb
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, positive, require
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    LAWS,
+    MEASURED,
+    count,
+    decimal,
+    dyadic,
+    one_of,
+    order,
+)
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
@@ -142,15 +151,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     abs_upper,
     products,
     require_positive,
-)
-from tippedisk_verify.proofs.kernel.reading import (
-    LAWS,
-    MEASURED,
-    count,
-    decimal,
-    dyadic,
-    one_of,
-    order,
 )
 
 __all__ = [
@@ -378,8 +378,8 @@ class LoopMap:
             slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
             return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
 
-        both = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
-        kappa = both[0].max(abs_upper(both[1] / w))
+        image = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
+        kappa = image[0].max(abs_upper(image[1] / w))
         require_positive("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
         require_positive("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
         ratio = n.ratio(self.time)

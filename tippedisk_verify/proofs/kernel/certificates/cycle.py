@@ -24,8 +24,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import (
+from tippedisk_verify.proofs.kernel.certificate_format import (
     LAWS,
     MANNERS,
     MEASURED,
@@ -36,6 +35,7 @@ from tippedisk_verify.proofs.kernel.reading import (
     precision,
     require_within_claim,
 )
+from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
 
 __all__ = [

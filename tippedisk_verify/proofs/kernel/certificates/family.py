@@ -1,10 +1,10 @@
 """The family of limit cycles from the Hopf point on: arcs that form one curve, and its claim.
 
-**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `curves` over an interval
-of a or, at the Hopf point, one of `scaled` over an interval of a^2 that begins at 0. Over a first
-box about the polynomials the inclusion and all signs of Theorem 5b (docs/certified_cycles.md) are
-shown. Over a wider box the inclusion alone is shown: it bounds the distance of other cycles. The
-numbers of a `Piece` are exact, because balls are rounded outwards.
+**An arc** covers an interval of amplitudes a = gamma_bar_0. It is one of `half_map_of_curves` over
+an interval of a or, at the Hopf point, one of `scaled_half_map` over an interval of a^2 that begins
+at 0. Over a first box about the polynomials the inclusion and all signs of Theorem 5b
+(docs/certified_cycles.md) are shown. Over a wider box the inclusion alone is shown: it bounds the
+distance of other cycles. The numbers of a `Piece` are exact, because balls are rounded outwards.
 
 **One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at
 the end of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle,
@@ -35,11 +35,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles
-from tippedisk_verify.proofs.kernel.curves import Arc, Curve, CurveReplay, arc_test
-from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.reading import (
+from tippedisk_verify.proofs.kernel.certificate_format import (
     MEASURED,
     decimal,
     one_of,
@@ -47,7 +43,11 @@ from tippedisk_verify.proofs.kernel.reading import (
     precision,
     require_within_claim,
 )
-from tippedisk_verify.proofs.kernel.scaled import ScaledCurve
+from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.field import constants
+from tippedisk_verify.proofs.kernel.half_map_of_curves import Arc, Curve, CurveReplay, arc_test
+from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 
 __all__ = [
     "KINDS",

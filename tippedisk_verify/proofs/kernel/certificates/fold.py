@@ -13,9 +13,14 @@ from fractions import Fraction
 from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, negative, positive, require
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    MEASURED,
+    dyadic,
+    one_of,
+    require_within_claim,
+)
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.reading import MEASURED, dyadic, one_of, require_within_claim
 from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection
 
 __all__ = [

@@ -472,7 +472,7 @@ def arrivals(
             break
         path.take(step)
         z = saddle.arrived(step.enclosure)
-        rate, level = saddle.rates(z)[S], saddle.seen(path.frame)[S] + s
+        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.frame)[S] + s
         _all(
             "it is not shown to be on its way",
             (-level).positive(),
@@ -495,7 +495,7 @@ class _Axes:
     def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
 
-    def took(self, *_: Any) -> None:
+    def step_taken(self, *_: Any) -> None:
         """Do nothing: the steps of these flights are not recorded."""
 
 
@@ -548,7 +548,7 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.seen(path.carried(step, middle))[S] + s
+    level = saddle.enclosed_coordinates(path.carried(step, middle))[S] + s
     rate = saddle.rates(saddle.arrived(step.enclosure))[S]
     for _ in range(2):
         _all("it is not shown to pass z_s = -s once", rate.positive())
@@ -558,9 +558,9 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
             time.positive(),
             (step.length - time).positive(),
         )
-        rate = saddle.rates(saddle.seen(path.carried(step, time.union(middle))))[S]
+        rate = saddle.rates(saddle.enclosed_coordinates(path.carried(step, time.union(middle))))[S]
     frame = path.carried(step, time)
-    z = saddle.seen(frame)
+    z = saddle.enclosed_coordinates(frame)
     z[S] = z[S].constant(-s)
     rates, rows = saddle.rates(z), saddle.columns(frame.matrix())
     _all("it is not shown to arrive", rates[S].positive())

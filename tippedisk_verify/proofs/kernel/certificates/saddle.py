@@ -85,10 +85,10 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     series_length,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.reading import LAWS
 from tippedisk_verify.proofs.kernel.sliding import law_model
 
 __all__ = [
@@ -291,8 +291,12 @@ class SaddleCoordinates:
         sets = [
             [series[1] for series in model.variational.coefficients(start, 1)] for model in models
         ]
-        both = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
-        return both[:3], [both[3 + row : 12 : 3] for row in range(3)], both[12:]
+        derivatives = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
+        return (
+            derivatives[:3],
+            [derivatives[3 + row : 12 : 3] for row in range(3)],
+            derivatives[12:],
+        )
 
     def sliding_slope(self, z: Sequence[Any], direction: Sequence[Any]) -> Any:
         """Return the derivative of the sliding velocity gamma_y [m/s] along a direction, over a box
@@ -328,7 +332,9 @@ class SaddleCoordinates:
         path.box = frame.box()
         return path
 
-    def seen(self, frame: Frame, deviation: Sequence[Any] | None = None) -> list[Any]:
+    def enclosed_coordinates(
+        self, frame: Frame, deviation: Sequence[Any] | None = None
+    ) -> list[Any]:
         """Return a box of coordinates z about the second saddle that encloses the states of a set
         ``frame``.
 
@@ -427,7 +433,7 @@ class ManifoldGraph:
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
-    def steepness(self, theta: Any) -> list[Any]:
+    def slope_over(self, theta: Any) -> list[Any]:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
@@ -443,7 +449,7 @@ class ManifoldGraph:
             return
         span = arb(0).union(reach)
         z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
-        for other, steep, k in zip(self.others, self.steepness(span), cone, strict=True):
+        for other, steep, k in zip(self.others, self.slope_over(span), cone, strict=True):
             direction[other] = steep + arb(0, abs_upper(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
@@ -508,7 +514,7 @@ def leaving(
     within = [arb(0, abs_upper(k * theta)) for k in cone]
     whole = curve.point(span, within)
     matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
-    rows, steep = curve.across(matrix, span), curve.steepness(span)
+    rows, steep = curve.across(matrix, span), curve.slope_over(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
         (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),

@@ -7,12 +7,12 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.at_distance import cycle_above
-from tippedisk_verify.cycles.at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycles_by_whole_flights import with_speed
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.whole_flight_cycles import with_speed
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured

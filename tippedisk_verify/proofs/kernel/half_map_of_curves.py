@@ -55,7 +55,8 @@ which keeps its relative accuracy where Omega' is small.
 Let beta_max be the largest |beta_bar| of a cycle; v = 0 at its moment. The derivative of beta_bar
 with respect to gamma_bar_0 *at a fixed time* is enclosed for all times at which v may be 0. If it
 is negative, beta_max grows: at the moment when a cycle reaches its beta_max, |beta_bar| is larger
-on its neighbours of larger gamma_bar_0. `scaled` has the same for the state divided by gamma_bar_0.
+on its neighbours of larger gamma_bar_0. `scaled_half_map` has the same for the state divided by
+gamma_bar_0.
 
 Let tau be the trace of P' and delta = exp(integral of div f) = -det P' > 0 (Liouville, see
 `certificates.cycle`). P' has one positive and one negative eigenvalue. The values of its
@@ -77,18 +78,18 @@ from typing import Any, ClassVar
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
+    cut_for_derivatives,
     inside,
     negative,
     positive,
+    range_of,
     require,
-    rough,
-    whole,
 )
+from tippedisk_verify.proofs.kernel.certificate_format import as_float
 from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
-from tippedisk_verify.proofs.kernel.reading import as_float
 from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
@@ -152,7 +153,7 @@ class Curve:
         trace: Jet = matrix[0][0] + matrix[1][1]
         return trace
 
-    def rise(self, beta_bar: Any, slope: Jet) -> Jet:
+    def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:
         """Return a jet with the sign of d(beta_bar)/d(gamma_bar_0) at a fixed time.
 
         gamma_bar_0 is the start's gamma_bar, the family's amplitude. ``slope`` is the derivative of
@@ -200,7 +201,7 @@ class CurveReplay:
         require("axes" in log, "the axes after it are missing")
         return [[arb(as_float(part)) for part in row] for row in log["axes"]]
 
-    def took(self, step: Step, axes: Matrix | None) -> None:
+    def step_taken(self, step: Step, axes: Matrix | None) -> None:
         require(
             axes is not None or self.number == len(self.log),
             "the return is reached, and there are further steps",
@@ -214,9 +215,9 @@ class _Equations:
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
         self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
-        short = curve.equations(constants, *map(rough, curve.numbers))
+        short = curve.equations(constants, *map(cut_for_derivatives, curve.numbers))
         self.rates, self.with_divergence = short.rates, short.with_divergence
-        self.bound = curve.equations(constants, *map(whole, curve.numbers))
+        self.bound = curve.equations(constants, *map(range_of, curve.numbers))
         self.bound.orbit = self.bound.orbit_at(self.bound.omega)
 
 
@@ -228,7 +229,7 @@ class CurvePath(Path):
 
     def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
         zero = 0 * curve.v.mid()
-        nothing, short = zero.c[0], rough(zero)
+        nothing, short = zero.c[0], cut_for_derivatives(zero)
         states = Frame([zero, *curve.start], curve.omega)
         states.deviation, states.columns = [*curve.deviation], curve.columns
         states.lead = [[short] * 3, *([short + entry for entry in row] for row in curve.unit)]
@@ -238,7 +239,7 @@ class CurvePath(Path):
         super().__init__(_Equations(constants, curve), states, choices, derivatives=True)
         self.total = curve.total
 
-    def _spent(self) -> None:
+    def _exhaustion(self) -> None:
         """Return None: this path never ends because its boxes are wide.
 
         Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
@@ -303,7 +304,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
             if not (negative(v) or positive(v)):
                 turning.append(step)
             if passed:
-                choices.took(step, None)
+                choices.step_taken(step, None)
                 return _landed(path, step, least, turning)
             path.take(step)
     except Unproved as fault:
@@ -329,10 +330,10 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
     within = all(positive(part.range()) for part in (tau, length - tau, early, length - early))
     require(within, "the return is not shown to lie within the step")
     v = step.component(2, early)
-    moment, own_moment = tau - beta / v, tau - states.own_image(centre, rows)[0] / v
-    own = states.own_image(step.centre(own_moment), step.rows_at(own_moment))
+    moment, own_moment = tau - beta / v, tau - states.image_of_middle(centre, rows)[0] / v
+    own = states.image_of_middle(step.centre(own_moment), step.rows_at(own_moment))
     rows = step.rows_at(moment)
-    _, gamma_bar, v = map(rough, states.image(step.centre(moment), rows))
+    _, gamma_bar, v = map(cut_for_derivatives, states.image(step.centre(moment), rows))
     require(positive(v.range()), "v is not shown to be positive at the return")
     acceleration = path.model.rates((0 * v, gamma_bar, v))[2]
     by_start = states.derivatives(rows)
@@ -417,7 +418,7 @@ class Arc:
         """
         for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
-            if not negative(self.curve.rise(beta_bar, slope).range()):
+            if not negative(self.curve.amplitude_slope(beta_bar, slope).range()):
                 return False
         return bool(self.flight.turning)
 

@@ -1,4 +1,5 @@
-"""The error of a run, from the same run in wider arithmetic, where its defect does not suffice.
+"""The half-widths of a motion from a second run in wider arithmetic, where its defect does not
+suffice.
 
 This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
 roundings (see `flow.error_estimate`). The half-width of a number q is
@@ -71,15 +72,15 @@ def compared(engine: Engine, request: Request, result: Result) -> Result:
         else companion(request.precision)
     )
     check = checked(wider, request.max_steps)
-    agreed = not _parted(result, check) and _moves(request, wider)
+    agreed = not _end_far_apart(result, check) and _starts_moving(request, wider)
     if not agreed and request.precision == DOUBLE and result.status.usable:
         # Where rounding has grown out of proportion, a wider run may be just as wrong. A third run
         # must agree with it.
         before, wider = check, companion(wider)
         # It has a higher order and so needs fewer steps, unless it diverges itself.
         check = checked(wider, min(request.max_steps, 2 * result.steps))
-        agreed = not _parted(before, check) and _moves(request, wider)
-    error = _half_widths(request.precision, wider, result, check) if agreed else _undecided()
+        agreed = not _end_far_apart(before, check) and _starts_moving(request, wider)
+    error = _half_widths(request.precision, wider, result, check) if agreed else _infinite_widths()
     return result._replace(error=error, built=result.built + check.built)
 
 
@@ -91,8 +92,8 @@ def _half_widths(
 
     They are infinite where the runs do not end alike.
     """
-    if result.status is Status.NON_FINITE or not _alike(result, check):
-        return _undecided()
+    if result.status is Status.NON_FINITE or not _end_alike(result, check):
+        return _infinite_widths()
     # An array: numpy would lose the digits of an MPFR number
     ulp = wider.array([_LAST_PLACE * precision.epsilon])
 
@@ -120,11 +121,11 @@ def _half_widths(
     )
 
 
-def _undecided() -> ErrorEstimate:
+def _infinite_widths() -> ErrorEstimate:
     return ErrorEstimate(state=numpy.full(3, math.inf), time=math.inf)
 
 
-def _moves(request: Request, wider: Precision) -> bool:
+def _starts_moving(request: Request, wider: Precision) -> bool:
     """Return True if a run has no events, or if its start moves: the rates there are far larger
     than their rounding.
 
@@ -138,12 +139,12 @@ def _moves(request: Request, wider: Precision) -> bool:
     return bool(fastest > wider.number(_MIN_RATE_IN_ROUNDINGS * wider.epsilon))
 
 
-def _parted(first: Result, second: Result) -> bool:
+def _end_far_apart(first: Result, second: Result) -> bool:
     """Return True if two runs of the same motion end alike but lie far apart.
 
     The effect of rounding is then no longer proportional to it.
     """
-    if not _alike(first, second):
+    if not _end_alike(first, second):
         return False
     for mine, theirs in ((first.state, second.state), (first.samples, second.samples)):
         if mine is not None and len(mine):
@@ -156,7 +157,7 @@ def _parted(first: Result, second: Result) -> bool:
     return False
 
 
-def _alike(result: Result, other: Result) -> bool:
+def _end_alike(result: Result, other: Result) -> bool:
     """Return True if two runs ended in the same way, with the same events and as many samples."""
     lengths = [None if run.samples is None else len(run.samples) for run in (result, other)]
     names = [[record.name for record in run.events] for run in (result, other)]

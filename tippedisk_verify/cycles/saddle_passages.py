@@ -1,5 +1,4 @@
-"""The flow next to the heteroclinic connection, as a flight between the saddles and a passage by
-one of them.
+"""The maps next to the connection: a flight between the saddles, and a passage by one of them.
 
 **The local map.** A cycle at a distance D from Omega_h spends most of its time next to the saddles,
 where doubles lose it. There the charts of `theory.saddle_chart` make the flow linear, so that a
@@ -26,9 +25,9 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.section import EXTREME, ROUND
+from tippedisk_verify.cycles.section import EXTREME
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Engine, Event, Request, Status
+from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
@@ -42,9 +41,6 @@ from tippedisk_verify.theory.saddle_chart import (
     solved,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
-
-#: gamma = pi/2 modulo 2 pi, passed upward, on the way from saddle to saddle.
-_GAMMA_TOP = Event("top", ROUND.function, direction=-1, terminal=False)
 
 # The starts of flights off the unstable manifold, in units of the largest sigma.
 _START_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
@@ -140,13 +136,15 @@ class GlobalMap:
         self.duration = self._duration(
             chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
         )
-        probe = _short(float(omega_h) * _SPLITTING_STEP)
+        probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
         reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
         # 64 bits hold the flights' speeds exactly: short distances from a double.
         offset = Fraction(float(omega_h)) - omega_h
-        on_manifold = [_short(reach * x) + offset for x in _nodes(choice.speeds)]
-        off_manifold = [_short(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS]
+        on_manifold = [_rounded_distance(reach * x) + offset for x in _nodes(choice.speeds)]
+        off_manifold = [
+            _rounded_distance(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS
+        ]
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
     def at(self, distance: Any) -> Any:
@@ -220,7 +218,7 @@ class GlobalMap:
             duration=self.duration,
             precision=EXTENDED,
             divergence=True,
-            events=(EXTREME, _GAMMA_TOP),
+            events=(EXTREME, GAMMA_TOP),
             rounding=self.choice.rounding,
         )
         flight = self._engine(request)
@@ -229,7 +227,7 @@ class GlobalMap:
         beta, gamma, v = flight.state
         point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
-        top = next(event.state for event in flight.events if event.name == _GAMMA_TOP.name)
+        top = next(event.state for event in flight.events if event.name == GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
     def _fitted(self, distances: list[Fraction], off_manifold: list[Fraction]) -> Any:
@@ -469,5 +467,5 @@ def _nodes(count: int) -> Any:
     return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
 
 
-def _short(distance: float) -> Fraction:
+def _rounded_distance(distance: float) -> Fraction:
     return Fraction(round(distance * _SPEED_GRID), _SPEED_GRID)

@@ -1,4 +1,4 @@
-"""Results in files of JSON, in which every number is exact.
+"""The format of saved results: JSON files in which every number is exact.
 
 A file is one object with these keys:
 

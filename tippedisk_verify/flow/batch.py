@@ -15,7 +15,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.compiled import CompiledRunners
+from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import MAX_WINDOW, START_WINDOW, Start
@@ -143,14 +143,9 @@ class BatchTaylor:
             raise InputError("events of many runs at once are recorded; they cannot end a run")
         constants = numpy.broadcast_to(constants, (count, len(names) - 1))
         key = (variations, divergence, events, shifted, law)
-        result: BatchResult = self._batches.run(
-            key,
-            lambda: _CompiledBatch(self.width, *key),
-            numpy.vstack((omegas, constants.T)),
-            states,
-            durations,
-            max_steps,
-        )
+        pars = numpy.vstack((omegas, constants.T))
+        with self._batches.reserved(key, lambda: _CompiledBatch(self.width, *key)) as batch:
+            result: BatchResult = batch.run(pars, states, durations, max_steps)
         if not result.crossings:
             return result
         by_name = {event.name: event for event in events}
@@ -162,12 +157,12 @@ class BatchTaylor:
             """
             if abs(when) > MAX_WINDOW and state != tuple(states[run]):
                 return False
-            pars = [omegas[run].item(), *constants[run].tolist()]
+            own_pars = [omegas[run].item(), *constants[run].tolist()]
             start = Start(
                 ops,
-                constants_of(pars, law),
+                constants_of(own_pars, law),
                 law,
-                pars[0],
+                own_pars[0],
                 states[run].tolist(),
                 when >= 0,
             )

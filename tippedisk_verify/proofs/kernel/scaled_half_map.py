@@ -19,9 +19,9 @@ Let P(g, w; Omega, q) be the scaled half map from the section b = 0, w < 0, and
     F(w, Omega; q) = P(1, w; Omega, q) - (1, w).
 
 For q > 0 its zeros are the family's cycles with gamma_bar_0 = a and v_0 = a w. Krawczyk's test of
-`curves`, with the parameter q, proves one zero for each q of [0, q_1], with regular dF/d(w, Omega).
-They form an analytic curve. At q = 0 the flow is that of the linearisation, which then has a
-periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
+`half_map_of_curves`, with the parameter q, proves one zero for each q of [0, q_1], with regular
+dF/d(w, Omega). They form an analytic curve. At q = 0 the flow is that of the linearisation, which
+then has a periodic orbit, so that Omega is Omega_crit: the curve begins at the Hopf point.
 
 Multipliers
 -----------
@@ -32,7 +32,7 @@ fixed point (1, w) gives
     c_g + w c_w = 2 q c_q,   so that   det(P' - 1) = det(c_g, c_w) = 2 q det(c_q, c_w).
 
 Along the curve c_w w' + c_Omega Omega' + c_q = 0, so det(c_q, c_w) = Omega'(q) det(c_w, c_Omega) by
-Cramer's rule. With tau and delta as in `curves`,
+Cramer's rule. With tau and delta as in `half_map_of_curves`,
 
     1 - tau - delta = det(P' - 1) = 2 q Omega'(q) det(c_w, c_Omega).
 
@@ -49,8 +49,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
-from tippedisk_verify.proofs.kernel.curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.field import FieldConstants, field
+from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 
@@ -87,9 +87,11 @@ class _Part:
     def __mul__(self, other: Any) -> _Part:
         other = self._other(other)
         product = self.x * other.x
-        both = self.odd and other.odd
+        both_odd = self.odd and other.odd
         return _Part(
-            product * self.square if both else product, self.square, odd=self.odd is not other.odd
+            product * self.square if both_odd else product,
+            self.square,
+            odd=self.odd is not other.odd,
         )
 
     __rmul__ = __mul__
@@ -202,7 +204,7 @@ class ScaledCurve(Curve):
         trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
         return trace
 
-    def rise(self, beta_bar: Any, slope: Jet) -> Jet:
+    def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
         rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
         return rise

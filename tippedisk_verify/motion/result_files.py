@@ -1,4 +1,4 @@
-"""Solutions in files, and the reading of every kind of saved result."""
+"""`Solution.save` and `tv.load`: solutions in files, and the reading of every saved result."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ from tippedisk_verify.model.precision import (
     precision_named,
     precision_of,
 )
-from tippedisk_verify.model.results import quantities
-from tippedisk_verify.model.saved import (
+from tippedisk_verify.model.result_format import (
     number,
     read_saved,
     saved_numbers,
     write_saved,
 )
+from tippedisk_verify.model.results import quantities
 from tippedisk_verify.motion.solution import Derivative, Solution
 
 __all__ = ["load", "save_solution"]
@@ -79,7 +79,7 @@ def _record_entry(record: EventRecord) -> dict[str, Any]:
     return {"name": record.name} | {name: _entry(getattr(record, name)) for name in _RECORD}
 
 
-@undisturbed
+@undisturbed()
 def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
     """Return a result that ``solution.save(path)`` or ``cycle.save(path)`` has written.
 

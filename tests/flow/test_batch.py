@@ -7,8 +7,8 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import FLAT, TURN, Event, Request
-from tippedisk_verify.flow.lanes import BatchTaylor, field_constants
 from tippedisk_verify.model.parameters import PRINTED
 
 TURNS = Event("turns", TURN.function, terminal=False)

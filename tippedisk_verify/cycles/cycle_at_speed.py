@@ -1,4 +1,4 @@
-"""Single limit cycles at a speed: the cycle that a user asks for.
+"""The cycle that a user asks for at a speed: `Disk.limit_cycle` and `Disk.rotating_cycle`.
 
 Most are found by shooting from a law. The others need the disk's families, which `locator_of` keeps.
 """
@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import NEWBORN, shoot, shoot_from_amplitude_law
+from tippedisk_verify.cycles.shooting import NEAR_THE_LAW, NEWBORN, amplitude_law_guess, shoot
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -68,16 +68,18 @@ def cycle_at(
     cycle: LimitCycle | None = None
     newborn = (
         abs(distance_below_crit(parameters, speed)) < NEWBORN
-        and not _locator(parameters, engine).lost
+        and not _locator(parameters, engine).no_family_reason
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
-        fixed_point = shoot_from_amplitude_law(ReturnMap(LIBRATING, parameters, speed, engine))
+        return_map, fixed_point = ReturnMap(LIBRATING, parameters, speed, engine), None
+        with suppress(NoSuchCycleError):
+            fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).librating(speed)
+    location = _locator(parameters, engine).librating_at(speed)
     if cycle and stable is None and not location.starts:
         return cycle
     cycles = location.cycles(digits, half_widths=half_widths)
@@ -108,7 +110,7 @@ def cycles_at(
         NoSuchCycleError: If the search fails.
         AccuracyError: If the digits are not reached.
     """
-    location = _locator(parameters, engine).librating(omega)
+    location = _locator(parameters, engine).librating_at(omega)
     if location.starts:
         return location.cycles(half_widths=half_widths)
     return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
@@ -152,6 +154,6 @@ def rotating_cycle(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).rotating(speed, stable=stable)
+    location = _locator(parameters, engine).rotating_at(speed, stable=stable)
     (cycle,) = location.cycles(digits, half_widths=half_widths)
     return cycle

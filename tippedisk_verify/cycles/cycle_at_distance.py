@@ -1,4 +1,4 @@
-"""Single limit cycles at a distance from Omega_h, which doubles need not resolve."""
+"""The cycle that a user asks for at a distance from Omega_h, which doubles need not resolve."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from fractions import Fraction
 from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
+from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages, shared_digits
+from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS, cycle_near, with_speed
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Location, Locator, locator_of
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages, shared_digits
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.whole_flight_cycles import DOUBLE_SHOOTS, cycle_near, with_speed
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import exact, shown
@@ -31,7 +31,7 @@ _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
-@undisturbed
+@undisturbed()
 def cycle_above(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:
@@ -103,9 +103,9 @@ def _next_to_omega_h(
             at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
         else:
             location: Location[Any] = (
-                disk_locator.librating(omega, omega_h.value)
+                disk_locator.librating_at(omega, omega_h.value)
                 if above
-                else disk_locator.rotating(omega, stable=True, omega_h=omega_h.value)
+                else disk_locator.rotating_at(omega, stable=True, omega_h=omega_h.value)
             )
             if not location.starts:
                 raise NoSuchCycleError(location.refusal)
@@ -127,11 +127,11 @@ def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
     """
     omega_h = disk_locator.omega_h
     if section is ROTATING:
-        return omega_h - Fraction(disk_locator.rotations.near_fold().omega)
-    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.attracts:
+        return omega_h - Fraction(disk_locator.rotating_family.near_fold().omega)
+    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.connection_attracts:
         # Mostly there is no fold, and any fold lies in between.
         return omega_crit(disk_locator.parameters, 20).value - omega_h
-    (_, start), (_, end) = disk_locator.family.ends[-2:]
+    (_, start), (_, end) = disk_locator.librating_family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down "

@@ -6,7 +6,8 @@ simultaneous runs of one integrator would mix their states without any sign of i
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from itertools import count
 from threading import RLock
 from typing import Any
@@ -39,20 +40,16 @@ class CompiledRunners:
         """
         return [slot.runner for slot in list(self._slots.values())]
 
-    def run(self, key: object, compiled: Callable[[], Any], *arguments: Any) -> Any:
-        """Run the compiled integrator (runner) of a key, compiling it first if necessary, and
-        return its result.
+    @contextmanager
+    def reserved(self, key: object, compiled: Callable[[], Any]) -> Iterator[Any]:
+        """Yield the runner of a key for one run, compiling it first if necessary.
 
         One thread compiles at a time. Another thread that needs the same runner then finds it
-        compiled.
+        compiled. It waits until the runner is free.
 
         Args:
             key: The key of the runner.
             compiled: A function that compiles and returns the runner.
-            arguments: The arguments of the runner's ``run``.
-
-        Returns:
-            The result of the runner's ``run``.
 
         Raises:
             RuntimeError: If the call comes from within a run of the same runner, which cannot wait.
@@ -74,7 +71,7 @@ class CompiledRunners:
                 )
             slot.running, slot.used = True, next(_RUN_COUNTER)
             try:
-                return slot.runner.run(*arguments)
+                yield slot.runner
             finally:
                 slot.running = False
 

@@ -1,8 +1,8 @@
-"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
+"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
 
-The maps are in `passages`. The numbers of a cycle are computed with one choice of sections, series
+The maps are in `saddle_passages`. The numbers of a cycle are computed with one choice of sections, series
 and flights in 64 bits, and with others that round some four times as much. If the digits are not
-reached, or the maps do not exist, `whole_flight_cycles` follows the flow itself.
+reached, or the maps do not exist, `cycles_by_whole_flights` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
+from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.passages import (
+from tippedisk_verify.cycles.saddle_passages import (
     Choice,
     GlobalMap,
     HalfMap,
@@ -81,7 +82,7 @@ _GUARD_DIGITS = 4
 _DISTANCE_DIGITS = 18
 
 
-@undisturbed
+@undisturbed()
 def cycle_by_passages(
     section: Section[C],
     parameters: Parameters,
@@ -213,8 +214,8 @@ def _measured(
     """
     measured = {}
     for name, number in numbers.items():
-        apart = max(abs(number - row[name]) for row in others)
-        width = fraction(_CHOICE_FACTOR * apart + _ULPS * abs(number))
+        largest_difference = max(abs(number - row[name]) for row in others)
+        width = fraction(_CHOICE_FACTOR * largest_difference + _ULPS * abs(number))
         # A logarithm of the distance changes by more than itself where it is small.
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
         measured[name] = Measured(fraction(number), width + _MAX_POWER * fraction(size) * share)
@@ -249,7 +250,7 @@ class PeriodLaw(NamedTuple):
         )
 
 
-@undisturbed
+@undisturbed()
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     """Return the asymptotic law of the librating cycles' period above Omega_h, from the maps
     between the saddles.
@@ -307,7 +308,7 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
     )
 
 
-@undisturbed
+@undisturbed()
 def monodromy_by_passages(
     parameters: Parameters, origin: Fraction, distance: Fraction
 ) -> tuple[Any, Any]:
@@ -321,9 +322,9 @@ def monodromy_by_passages(
     first, *others = (
         _period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine())
     )
-    apart = numpy.max([abs(first - other) for other in others], axis=0)
+    largest_difference = numpy.max([abs(first - other) for other in others], axis=0)
     share = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
-    return first, (_CHOICE_FACTOR * apart + share * abs(first)).astype(float)
+    return first, (_CHOICE_FACTOR * largest_difference + share * abs(first)).astype(float)
 
 
 def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
@@ -366,7 +367,8 @@ def _numbers(
         "v_0": near_saddle[2].real,
         "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
     }
-    return section.table(
+    return numbers_from_map(
+        section,
         [coordinate.real for coordinate in point],
         time.real,
         ((multiplier, 0), (0, 0)),

@@ -16,6 +16,7 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, TypeVar
 
+from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.newton import FixedPoint, Stop
@@ -231,7 +232,7 @@ def with_speed(
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))
     share = DISTANCES * omega_h.uncertainty / moved
     widened = {"omega": Measured(cycle.omega.value, omega_h.uncertainty)}
-    for name in section.numbers:
+    for name in number_names(section):
         number: Measured = getattr(cycle, name)
         change = abs(fraction(numbers[name]) - number.value)
         widened[name] = Measured(number.value, number.uncertainty + change * share)

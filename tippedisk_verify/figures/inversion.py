@@ -1,4 +1,4 @@
-"""The disk itself as it inverts (the paper's Figures intro_inversion_COG and intro_inversion).
+"""The drawing of a disk that inverts (the paper's Figures intro_inversion_COG and intro_inversion).
 
 The reduced model keeps the centre of gravity S on a vertical line and the spinning speed constant,
 and so do the pictures.
@@ -102,7 +102,7 @@ def _draw_disk(axis: Any, parameters: Parameters, points: dict[str, Any], zoom: 
     axis.set_axis_off()
 
 
-def _drawn(parameters: Parameters, times: Any, states: Any, height: Any, across: int) -> Any:
+def _draw_moments(parameters: Parameters, times: Any, states: Any, height: Any, across: int) -> Any:
     """Draw the disk at four moments, and below it the height of S [mm] against time.
 
     ``across`` is the number of disks in a row.
@@ -163,7 +163,7 @@ def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
         (times, numpy.column_stack((states, height)).round(_CSV_DECIMALS))
     ).tolist()
     return Drawing(
-        figure=lambda columns: _drawn(
+        figure=lambda columns: _draw_moments(
             audit.parameters, times, states, height, 4 if columns > 2 else 2
         ),
         columns=4,

@@ -9,10 +9,11 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.at_distance import cycle_above
-from tippedisk_verify.cycles.passage_cycles import cycle_by_passages
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_numbers import number_names
+from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.whole_flight_cycles import cycle_near
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
@@ -31,7 +32,7 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     flown = cycle_near(section, parameters, omega, omega_h, taylor, digits=22)
     assert quick is not None
     assert quick.precision == "extended"
-    for name in section.numbers:
+    for name in number_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)
         assert mine.holds(truth.value), name
         assert mine.uncertainty < 10**4 * (
