@@ -89,8 +89,8 @@ class Splitting:
 
     @property
     def carried(self) -> Fraction:
-        """The splitting u, carried back along the flow to s = 1, so that flights of any length can
-        be compared.
+        """The splitting u |s|^(-lambda_u / lambda_s). The linear flow keeps it constant, so flights
+        of any length can be compared.
         """
         return fraction(self.u * self.growth)
 
@@ -198,8 +198,8 @@ class SplittingFunction:
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self, omega: Fraction) -> Fraction:
-        """Return the derivative of the splitting u with respect to Omega, carried back to s = 1
-        [s/rad].
+        """Return the derivative of the splitting `Splitting.carried` with respect to Omega [s/rad],
+        by a central difference.
 
         Args:
             omega: The speed [rad/s].
@@ -210,8 +210,8 @@ class SplittingFunction:
         return change / (2 * self.step)
 
     def slope_by(self, symbol: str, omega: Fraction) -> Fraction:
-        """Return the derivative of the splitting u with respect to a parameter of the disk, carried
-        back to s = 1 [SI].
+        """Return the derivative of the splitting `Splitting.carried` with respect to a parameter of
+        the disk [SI].
 
         Start, end and flight time are kept, because u does not depend on them.
 
@@ -268,11 +268,11 @@ class SplittingZero:
 
     @cached_property
     def derivative(self) -> Measured:
-        """The derivative of the splitting u with respect to Omega [s/rad], carried back along the
-        flow to s = 1.
+        """The derivative with respect to Omega [s/rad] of u |s|^(-lambda_u / lambda_s), a measure of
+        the splitting that does not depend on the length of the flights.
 
-        Its error is measured: a different step and a different distance from the saddles change the
-        slope by as much as it is wrong.
+        It is a central difference. Its half-width comes from the change under another step and
+        another distance from the saddles.
         """
         functions = (self.finer, self.splitting_at)
         finer, slope = (function.slope(function.latest.omega) for function in functions)

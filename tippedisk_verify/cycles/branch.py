@@ -321,7 +321,7 @@ class Branch(Printable):
     def _rows(self) -> list[list[str]]:
         """Return rows of text for a table: a heading and the numbers of the first and last cycles.
 
-        There are at most ten rows.
+        There are at most nine rows.
         """
         chosen = range(len(self)) if len(self) <= 8 else (0, 1, 2, None, -3, -2, -1)
         columns = [getattr(self, name) for name in _SHOWN_COLUMNS]

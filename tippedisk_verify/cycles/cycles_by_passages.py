@@ -344,9 +344,9 @@ def _numbers(
     """Return the numbers of the limit cycle at a distance from Omega_h, by name, and the relative
     sizes of the iteration's steps.
 
-    pi is subtracted from ``gamma_bar_0``, so that it keeps its digits. The speed has an imaginary
-    part far below rounding. The imaginary parts of the numbers are derivatives with respect to the
-    speed.
+    The derivatives of the cycle with respect to the speed are among the numbers. They are
+    complex-step derivatives: the speed has an imaginary part far below rounding. pi is subtracted
+    from ``gamma_bar_0``, so that it keeps its digits.
     """
     image = section.image
     at = EXTENDED.number(distance)

@@ -368,8 +368,9 @@ _LOCATORS = _ThreadLocators()
 
 
 def locator_of(parameters: Parameters, engine: Engine) -> Locator:
-    """Return the `Locator` of a disk, the same object for the same disk, friction law and engine
-    name.
+    """Return this thread's `Locator` of a disk.
+
+    The last few are kept, so calls with the same disk, friction law and engine name share one.
 
     Args:
         parameters: The disk and its friction law.

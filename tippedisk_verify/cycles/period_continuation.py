@@ -94,8 +94,8 @@ def cycle_at_half_period(
     def size(iterate: Iterate[LimitCycle]) -> float:
         """Return the size of a Newton step: the largest of its parts, each relative to its scale.
 
-        The state's scale is its distance from the saddle. The speed's is its derivative with
-        respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
+        gamma_bar and v are scaled by their distances from the saddle, and the speed by its
+        derivative with respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
         """
         gamma_bar, v, _ = iterate.ahead
         left, by_time = precision.pi - gamma_bar, iterate.image.slopes("time")[2]

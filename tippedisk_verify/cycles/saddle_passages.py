@@ -235,9 +235,10 @@ class GlobalMap:
         7).
 
         The axes are powers of the distance, powers of sigma, and the numbers of
-        `LinearPassage.arrival`. Flights on the unstable manifold are at these ``distances`` of the
-        speed from Omega_h [rad/s], flights off it at those of ``off_manifold``. u vanishes exactly
-        at sigma = 0 and Omega_h; the fit's rounding there is dropped.
+        `LinearPassage.arrival`. ``distances`` are the distances of the speed from Omega_h [rad/s]
+        for flights on the unstable manifold, ``off_manifold`` those for flights off it. There are
+        as many flights as coefficients. u vanishes exactly at sigma = 0 and Omega_h; the fit's
+        rounding there is dropped.
         """
         count, reach = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.choice.sigma

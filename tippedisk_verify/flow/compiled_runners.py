@@ -77,7 +77,9 @@ class CompiledRunners:
 
 
 class _Slot:
-    """A compiled integrator with its lock and its time of last use."""
+    """A compiled integrator with its lock and the number of its last run, which shows which one was
+    used least recently.
+    """
 
     def __init__(self, runner: Any) -> None:
         self.runner, self.lock, self.running = runner, RLock(), False

@@ -146,8 +146,8 @@ class BasinBoundary(Printable):
         """Return the distance [rad] by which an orbit lies beyond the upper sheet of the basin
         boundary, that of larger beta, after some turns of gamma.
 
-        It is infinite if the disk lies flat on that side before. It is minus infinity if the disk
-        comes upright or lies flat on the other side.
+        Return infinity if the disk falls flat on the side of larger beta first, and minus infinity
+        if it comes upright or falls flat on the other side.
         """
         first = self._flight(state, _TRANSIENT, ())
         beta, gamma, v = first.state.tolist()

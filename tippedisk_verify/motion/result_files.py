@@ -66,7 +66,8 @@ def _entry(values: Any, exact: Any = None) -> dict[str, Any] | None:
     """Convert a number or an array to data for a saved file: its exact numbers, and its
     arithmetic's name.
 
-    If ``exact`` is given, it is written in place of ``values``, which rounds it. None stays None.
+    ``exact``, if given, holds the numbers before they were rounded to ``values``; it is written
+    instead. None stays None.
     """
     if values is None:
         return None

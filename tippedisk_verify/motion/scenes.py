@@ -285,8 +285,8 @@ def classified(result: Result, times: Any, omega: float, inverted_stable: bool) 
 
 
 def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
-    """Decide if an orbit ends on a cycle of that kind: return that ending if its amplitudes
-    converge, or "undecided".
+    """Return the ending "on a cycle of this kind" if the orbit's amplitudes converge to a cycle,
+    otherwise "undecided".
     """
     error = _CROSSING_ERROR
     changes = [after - before for before, after in pairwise(amplitudes)]

@@ -297,8 +297,8 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
 
 
 def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
-    """Compute amplitude, frequency and period of the one-harmonic law in floating
-    point, by name.
+    """Return amplitude, frequency and period of the one-harmonic law by name, as numbers of the
+    mpmath context ``ctx``.
     """
     c, omega = _in(ctx, case, "Omega")
     square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])

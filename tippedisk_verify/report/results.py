@@ -192,9 +192,9 @@ def results_json(
         order: The audit.
         findings: The claims with their findings.
         figures: The figures, as `figures.exhibit.drawn` returns them.
-        run: Facts about this run alone, as `run_facts` returns them. All other entries are the same
-            in every run, except that a figure of run times shows the times measured when it was
-            drawn.
+        run: Facts about this run alone, as `run_facts` returns them. On one
+            machine all other entries are the same in every run, except that a figure of run times
+            shows the times measured when it was drawn.
     """
     from dataclasses import fields
 

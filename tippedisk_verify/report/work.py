@@ -52,11 +52,11 @@ class AuditRecords:
 
 
 def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
-    """Return the list of tasks of which an audit consists.
+    """Return the tasks of an audit, one for each claim, figure and formula.
 
     Args:
         order: The audit.
-        figures: True to include the figures of these claims, and the formulas.
+        figures: True to include the figures of the audit's claims, and the formulas.
     """
     tasks = [Task("claim", name) for name in order.claims]
     if figures:

@@ -284,7 +284,7 @@ class Saddle:
     def reach(self, *curves: Sequence[PowerSeries]) -> Any:
         """Return the radius of s within which the power series of all given curves converge.
 
-        It is estimated from their last coefficients.
+        It is estimated from their last coefficients, and is at most 10.
         """
         ctx = self.context
         rates = [ctx.one * 10]

@@ -416,13 +416,13 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
 def problems(table: Table, base: Values) -> list[RegressionProblem]:
     """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
-    A problem has the answers to one quantity and its definition. They are in the order of the
-    equations. A problem uses the answers to other quantities where its definition contains these,
-    so that their mistakes do not count again.
+    A problem has the answers to one quantity and its definition. The problems are in the order of
+    the equations. Where a definition depends on other quantities, the program's own answers to them
+    are used, so that a mistake in them is not counted twice.
 
     Args:
         table: The table.
-        base: A program with the inputs of the table's entries.
+        base: The values of a program's definitions at the inputs of the table's entries.
     """
     given = {
         definition: _filled_in(table.column(name).answer, base[definition])

@@ -171,7 +171,8 @@ class Search:
 
         Args:
             of: The effects of all single changes.
-            effort: 1, 2 or 3 for as many changes, 4 for changes that multiply.
+            effort: The number of changes in a set, 1 to 3. 4 tries sets whose effects do not simply
+                add up.
         """
         if effort in _HIGHEST_RANKS:
             yield from of.sums(effort, _HIGHEST_RANKS[effort])

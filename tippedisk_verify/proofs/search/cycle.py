@@ -117,10 +117,11 @@ class CycleProof(Proof):
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
-        """Return the number of bits that the least accurate enclosed number lacks to have
-        ``digits`` digits; 0 if none lacks any.
+        """Return how many more bits the least accurate enclosure needs for ``digits`` digits; 0 if
+        all have them, and 64 if one is unbounded.
 
         The digits are significant digits for the main results, and decimals for the other numbers.
+        The number is up to two bits too large.
         """
         worst = 0
         for name, value in self.values.items():
