@@ -172,7 +172,7 @@ def _known(name: object) -> Method:
     for method in METHODS:
         if method.name == name:
             return method
-    known = ", ".join(method.name for method in METHODS)
+    known = "; ".join(method.name for method in METHODS)  # names have commas
     raise InputError(f"method '{shown(name)}' is not known: use {known}")
 
 
