@@ -151,7 +151,7 @@ WRONG: list[tuple[Wrong, str]] = [
         "--max-steps",
     ),
     (_but(COUNT, "0", "1000000007"), "--order, --seed"),
-    (NAME, "--friction, --only, --format, --method, --set, --from"),
+    (NAME, "--friction, --only, --format, --method, --set, --from, --error"),
     (NAME, "names, ids, prefixes, language, analysis"),
     (_but(NAME, ""), "more, prefix"),
     ((*NAME, "dask://\0", "dask://"), "--executor"),
