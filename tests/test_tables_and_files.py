@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 import tippedisk_verify as tv
 from tippedisk_verify.bench.race import Score
 from tippedisk_verify.cli import main
-from tippedisk_verify.cycles.distance_study import LAWS
+from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.figures.style import pyplot
 
@@ -76,7 +76,7 @@ def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns() -> None:
     (row,) = (study := DISK.near_heteroclinic(["1e-2"])).rows
     (line,) = study.to_dataframe().to_dict("records")
     assert (line["period"], line["double_resolves"]) == (float(row.period), row.double_resolves)
-    assert [line[name] for name in LAWS] == [float(number) for number in row.law]
+    assert [line[name] for name in PERIOD_LAW_COLUMNS] == [float(number) for number in row.law]
     # Twelve digits of a period of some seconds
     assert row.law[2].uncertainty <= line["law_of_three_terms_uncertainty"] < 1e-11
 

@@ -141,14 +141,14 @@ class Certifier:
                 proves those cycles.
         """
         from tippedisk_verify.proofs.search.cycle import (
-            HALF,
-            TURN,
+            LIBRATING_SECTION,
+            ROTATING_SECTION,
             CycleProof,
             CycleStatus,
             prove_cycle,
         )
 
-        section, speed = TURN if rotating else HALF, self.disk.speed(omega)
+        section, speed = ROTATING_SECTION if rotating else LIBRATING_SECTION, self.disk.speed(omega)
         try:
             start = guess or self._start(speed, rotating, stable)
         except NoSuchCycleError as fault:
@@ -199,10 +199,18 @@ class Certifier:
                 has several and ``number`` is left out.
         """
         from tippedisk_verify.proofs.kernel.certificates.fold import names
-        from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
+        from tippedisk_verify.proofs.search.fold import (
+            LIBRATING_SECTION,
+            ROTATING_SECTION,
+            FoldProof,
+            prove_fold,
+        )
 
         self.disk.refuse_unless_linear("folds of limit cycles are proved")
-        section, folds = TURN if rotating else HALF, cast("tuple[Fold, ...]", ())
+        section, folds = (
+            ROTATING_SECTION if rotating else LIBRATING_SECTION,
+            cast("tuple[Fold, ...]", ()),
+        )
         fault = "no fold of this disk's limit cycles about inverted spinning was found"
         try:
             finer = digits + 10

@@ -1,4 +1,4 @@
-"""A conversation with another program, line by line over pipes.
+"""A conversation with another program, line by line over pipes, with a time limit for each answer.
 
 The program can neither block this process nor outlive it. A single thread does everything. It
 writes only as much as the pipe takes, and reads whenever there is output. The program gets a

@@ -301,9 +301,9 @@ class Disk(Parameters):
         >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (disk.rhs, disk.jacobian)]
         [(3,), (3, 3)]
         """
-        from tippedisk_verify.model.arrays import OnArrays
+        from tippedisk_verify.model.arrays import ArrayFunction
 
-        return OnArrays(field, self, omega)
+        return ArrayFunction(field, self, omega)
 
     def jacobian(self, omega: object) -> Callable[[object, Any], Array]:
         """Return the derivative of `rhs` with respect to the state as ``jac(t, y)``.
@@ -316,9 +316,9 @@ class Disk(Parameters):
         Raises:
             InputError: If ``omega`` is not a positive decimal.
         """
-        from tippedisk_verify.model.arrays import OnArrays
+        from tippedisk_verify.model.arrays import ArrayFunction
 
-        return OnArrays(jacobian, self, omega)
+        return ArrayFunction(jacobian, self, omega)
 
     def basins(
         self, omega: object, *, count: int = 100_000, progress: bool | None = None, **options: Any
@@ -638,12 +638,12 @@ class Disk(Parameters):
             DEFAULT_COUNT,
             PAPER_COUNT,
             Branch,
-            family,
+            librating_branch,
             not_all_missing,
         )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
-        cycles = family(
+        cycles = librating_branch(
             self,
             self._engine(engine),
             paper_sets=paper_sets,

@@ -35,15 +35,15 @@ from tippedisk_verify.reference_values.entries import Item
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
     FILES,
-    LARGEST,
     MANIFEST,
+    MAX_FILE_BYTES,
     STATIC,
     VALUES,
     data_folder,
     manifest_text,
     sound_files,
 )
-from tippedisk_verify.reference_values.questions import TABLE
+from tippedisk_verify.reference_values.questions import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import stored, table_rows
 
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
@@ -89,7 +89,7 @@ def generate(
             advance(item.id, 1)
         texts = _texts(entries)
         if folder.resolve() != data_folder().resolve():
-            texts |= {name: read_text(data_folder() / name, LARGEST) for name in STATIC}
+            texts |= {name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in STATIC}
         replace_files(folder, texts)
         # A worker of a killed run may still write into it; the next run removes or reuses that.
         shutil.rmtree(work, ignore_errors=True)
@@ -150,13 +150,15 @@ def _texts(entries: Entries) -> dict[str, str]:
     Each line holds one quantity or proof, so that differences between versions are small.
     """
     ordered = [item.id for item in items_of() if item.id in entries]
-    rows = [[row[name] for name in TABLE] for id_ in ordered for row in entries[id_]["rows"]]
+    rows = [
+        [row[name] for name in VALUES_COLUMNS] for id_ in ordered for row in entries[id_]["rows"]
+    ]
     proofs = {id_: entries[id_]["proof"] for id_ in ordered if entries[id_]["proof"]}
     lines = ",\n".join(
         f" {json.dumps(id_)}: {json.dumps(proof, ensure_ascii=False)}"
         for id_, proof in proofs.items()
     )
-    return {"values.csv": csv_text(TABLE, rows), "proofs.json": f"{{\n{lines}\n}}\n"}
+    return {"values.csv": csv_text(VALUES_COLUMNS, rows), "proofs.json": f"{{\n{lines}\n}}\n"}
 
 
 def replace_files(folder: Path, texts: Mapping[str, str]) -> None:
@@ -186,7 +188,7 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> None
     """
     files: dict[str, dict[str, Any]] = {}
     for name in (name for name in FILES if (folder / name).is_file()):
-        read = read_bytes(folder / name, LARGEST)
+        read = read_bytes(folder / name, MAX_FILE_BYTES)
         files[name] = {"sha256": digest(read), "bytes": len(read)}
         if ahead and name in ahead:
             files[name]["becoming"] = digest(ahead[name].encode())

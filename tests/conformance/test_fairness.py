@@ -13,15 +13,14 @@ from results.scipy_program import answered
 from tippedisk_verify.conformance.diagnosis import diagnosed
 from tippedisk_verify.conformance.gate import shortcomings
 from tippedisk_verify.conformance.grading import (
-    FAILS_BELOW,
     Grade,
     compare,
     graded,
     levels_of,
-    needed,
 )
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
+from tippedisk_verify.reference_values.questions import DIGITS_REQUIRED, needed
 from tippedisk_verify.reference_values.store import Store, stored
 
 HET = "near-heteroclinic/het+1e-8"
@@ -75,7 +74,8 @@ def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
     # Programs that keep all digits are asked for the level's, and well-conditioned questions ask
     # for no less.
     assert (
-        needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"]) == FAILS_BELOW[9]
+        needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"])
+        == DIGITS_REQUIRED[9]
     )
 
 

@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 import tippedisk_verify as tv
 from tests.command_line import answer, rows_of
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.branch import Branch, family, paper_speeds
+from tippedisk_verify.cycles.branch import Branch, librating_branch, paper_speeds
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.disk import Disk
@@ -46,7 +46,7 @@ def test_command(tmp_path: Path) -> None:
 def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -> None:
     # 7e-7 and 1e-7 rad/s below Omega_crit: the family's course ends before these speeds.
     speeds = ["30.886592", "30.88659258"]
-    for cycle, speed in zip(family(GEOMETRY, taylor, omegas=speeds), speeds, strict=True):
+    for cycle, speed in zip(librating_branch(GEOMETRY, taylor, omegas=speeds), speeds, strict=True):
         assert cycle.omega == Fraction(speed)
         assert (cycle.period - cycle_at(GEOMETRY, speed, taylor).period).holds(0)
 
@@ -57,10 +57,10 @@ def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monk
         "no_family_reason",
         "the family could not be followed",
     )
-    (cycle,) = family(GEOMETRY, taylor, omegas=["30.4"])
+    (cycle,) = librating_branch(GEOMETRY, taylor, omegas=["30.4"])
     assert cycle == cycle_at(GEOMETRY, "30.4", taylor)
     assert [point.name for point in Branch.of([cycle]).points] == ["Omega_crit"]
-    (missing,) = family(GEOMETRY, taylor, omegas=["31.5"])
+    (missing,) = librating_branch(GEOMETRY, taylor, omegas=["31.5"])
     assert "could not be followed" in missing.status
 
 

@@ -12,7 +12,7 @@ from tests.command_line import answer, printed, ran, rows_of
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 
-DISTANCES = ["1e-9", "1e-11", "1e-13"]
+HALF_WIDTH_FACTOR = ["1e-9", "1e-11", "1e-13"]
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
@@ -21,7 +21,7 @@ def test_the_laws_remainder_falls_with_its_next_powers(law) -> None:
     """One term leaves the constant, two the power nu - 1, and three twice that power, a hundredth
     short of the next.
     """
-    study = Disk("table1", friction=law).near_heteroclinic(DISTANCES)
+    study = Disk("table1", friction=law).near_heteroclinic(HALF_WIDTH_FACTOR)
     terms = study.period_law
     for row in study.rows:
         assert abs(float(row.period - row.law[0] - terms.constant)) < 0.01

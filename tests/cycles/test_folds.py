@@ -15,7 +15,7 @@ import pytest
 from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles import folds
-from tippedisk_verify.cycles.branch import family
+from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.fourier import Kind
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -139,7 +139,7 @@ def test_next_to_a_generalized_hopf_point_folds_follow_the_closed_form(taylor) -
     square = -FOLD_AMPLITUDE_SLOPE * float(below)
     # The next term is in proportion to the distance: a tenth at 1e-7 kg m^2.
     assert abs(float(fold.gamma_bar_0) ** 2 / square - 1) < 1e-4
-    assert len(list(family(disk, taylor))) >= 41
+    assert len(list(librating_branch(disk, taylor))) >= 41
 
 
 @pytest.mark.slow
@@ -232,8 +232,8 @@ def test_a_disk_has_its_folds_and_both_cycles(folding, taylor) -> None:
 
 def test_branch_has_both_cycles_at_a_speed(taylor) -> None:
     """Single speeds and lanes give the same cycles."""
-    few = list(family(FOLDING, taylor, omegas=["30.9", "30.8"]))
-    many = list(family(FOLDING, taylor, omegas=["30.9"] * 60 + ["30.8"] * 60))
+    few = list(librating_branch(FOLDING, taylor, omegas=["30.9", "30.8"]))
+    many = list(librating_branch(FOLDING, taylor, omegas=["30.9"] * 60 + ["30.8"] * 60))
     assert [cycle.stable for cycle in few] == [False, True, True]
     assert len(many) == 180
     for one, other in ((few[0], many[0]), (few[1], many[1]), (few[2], many[-1])):
@@ -251,16 +251,16 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(
-        family(
+        librating_branch(
             POSITIVE_SADDLE_VALUE, taylor, omegas=[str(known.omega_crit - 0.01)] * 2 + [str(close)]
         )
     )
     assert len(cycles) == 3
     assert cycles[-1].stable
     focus = PRINTED.changed(r="0.0415", e="0.00246", mu="0.197", epsilon="0.332", B="0.2231e-3")
-    cycles = list(family(focus, taylor, omegas=["29"] * 3))
+    cycles = list(librating_branch(focus, taylor, omegas=["29"] * 3))
     assert {cycle.period.value for cycle in cycles} == {cycles[0].period.value}
-    (missing,) = family(focus, taylor, omegas=["28"])
+    (missing,) = librating_branch(focus, taylor, omegas=["28"])
     assert "rad/s only, where gamma's amplitude is pi" in missing.status
 
 

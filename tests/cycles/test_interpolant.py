@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy
 
-from tippedisk_verify.cycles.branch import family
+from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -23,7 +23,7 @@ def followed(parameters: Parameters, taylor) -> LibratingFamily:
 
 
 def test_the_papers_801_cycles(taylor) -> None:
-    cycles = list(family(CALIBRATED, taylor, paper_sets=True))
+    cycles = list(librating_branch(CALIBRATED, taylor, paper_sets=True))
     assert len(cycles) == 801
     assert all(cycle.stable and cycle.engine == "lanes" for cycle in cycles)
     for cycle in cycles:

@@ -8,10 +8,10 @@ import pytest
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
-from tippedisk_verify.flow.contract import FLAT, TURN, Event, Request
+from tippedisk_verify.flow.contract import BETA_EXTREME, FLAT, Event, Request
 from tippedisk_verify.model.parameters import PRINTED
 
-TURNS = Event("turns", TURN.function, terminal=False)
+TURNS = Event("turns", BETA_EXTREME.function, terminal=False)
 #: Of two orders of summation: some forty roundings of states of size 1 to 3, grown by less than
 #: ten over half a second.
 _ROUNDINGS = 40 * 2.0**-52 * 10

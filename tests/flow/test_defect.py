@@ -40,7 +40,8 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
     """Return the series that the engine keeps for an error estimate."""
     kept: list[Any] = []
     monkeypatch.setattr(
-        "tippedisk_verify.flow.taylor.from_defect", lambda _, result: kept.append(result.series)
+        "tippedisk_verify.flow.taylor.half_widths_from_defect",
+        lambda _, result: kept.append(result.series),
     )
     taylor(replace(request, error_estimate=True))
     return kept[0]
@@ -152,14 +153,14 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
     near = taylor(replace(request, events=(Event("extreme", SECTION.function, terminal=False),)))
     extreme = float(near.events[-1].state[1])  # where cos(beta) = 0, gamma turns
     found: list[bool] = []
-    estimate = error_estimate.from_defect
+    estimate = error_estimate.half_widths_from_defect
 
     def asked(*both: Any) -> Any:
         answer = estimate(*both)
         found.append(answer is not None)
         return answer
 
-    monkeypatch.setattr("tippedisk_verify.flow.taylor.from_defect", asked)
+    monkeypatch.setattr("tippedisk_verify.flow.taylor.half_widths_from_defect", asked)
     for level in (extreme, extreme + 1e-3, extreme - 1e-3):
         event = Event(
             "level",

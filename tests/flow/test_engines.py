@@ -11,7 +11,7 @@ import pytest
 from tests.problems import STARTS, held
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import METHODS, Baseline
-from tippedisk_verify.flow.contract import SECTION, TURN, Event, Request, Status
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -40,7 +40,8 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
         epsilon="0.0328552",
     )
     passing = tuple(
-        replace(event, name=f"each {event.name}", terminal=False) for event in (SECTION, TURN)
+        replace(event, name=f"each {event.name}", terminal=False)
+        for event in (SECTION, BETA_EXTREME)
     )
     request = Request(
         disk, "293.6", (exact("pi/2"), "-5.10015", "-1.45367"), "0.387824", events=passing

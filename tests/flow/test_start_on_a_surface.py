@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import (
+    BETA_EXTREME,
     FLAT,
     SECTION,
     SLIDING_REVERSAL,
-    TURN,
     Event,
     Request,
     Status,
@@ -40,7 +40,7 @@ DROPPED, TURNING = (0.0, 0.3, 0.0), (0.2, 0.3, 0.0)
 @cache
 def _event(turn: bool, direction: Any, terminal: bool) -> Event:
     """Return one event of each kind, so that the engines compile for it once."""
-    return Event("watched", (TURN if turn else SECTION).function, direction, terminal)
+    return Event("watched", (BETA_EXTREME if turn else SECTION).function, direction, terminal)
 
 
 def request(
@@ -80,7 +80,7 @@ def test_an_orbit_that_touches_the_surface_at_its_start(
         assert not result.events or all(record.name == "passing" for record in result.events)
         # A thousand times SciPy's tolerance of a step
         assert abs(result.state - free.state).max() <= 1000 * 1e-13
-    turned = engine(request(DROPPED, duration, TURN, SECTION))
+    turned = engine(request(DROPPED, duration, BETA_EXTREME, SECTION))
     # It swings out, and v is zero for the first time after 0.236 s, far from the section
     if duration == 0.3:
         assert turned.status is Status.EVENT
@@ -93,7 +93,7 @@ def test_an_orbit_that_touches_the_surface_at_its_start(
 
 @pytest.mark.parametrize("duration", [1e-12, -1e-12, 2.0**-31, -(2.0**-30), 1e-8])
 @pytest.mark.parametrize(
-    ("state", "event"), [(DROPPED, SECTION), (TURNING, TURN), ((0.0, 0.3, -1.0), SECTION)]
+    ("state", "event"), [(DROPPED, SECTION), (TURNING, BETA_EXTREME), ((0.0, 0.3, -1.0), SECTION)]
 )
 def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> None:
     end = taylor(request(state, duration)).state
@@ -123,7 +123,7 @@ def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> N
 def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> None:
     engine = make()
     for duration in (1.0, -1.0):
-        for event in (SECTION, TURN, SLIDING_REVERSAL, WATCHED, FALLING):
+        for event in (SECTION, BETA_EXTREME, SLIDING_REVERSAL, WATCHED, FALLING):
             result = engine(
                 request((0.0, 0.0, 0.0), duration, event, friction=friction, times=[duration / 2])
             )
@@ -138,7 +138,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
 
     One start is at rest, one a rounding away, one on no surface.
     """
-    turns = Event("turns", TURN.function, terminal=False)
+    turns = Event("turns", BETA_EXTREME.function, terminal=False)
     states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (1e-15, 0.3, -1.0), (0.1, 0.3, -1.0)])
     constants = field_constants(PRINTED.with_friction(friction))
     for duration in (0.3, -0.02):
@@ -202,7 +202,7 @@ def test_a_start_on_the_edge_of_the_domain_is_its_end(taylor: Taylor) -> None:
 @pytest.mark.parametrize("more", [{}, {"dense": True}, {"times": [0.05]}])
 def test_another_event_next_to_the_start_is_no_start(taylor: Taylor, more) -> None:
     """Start on the section, 1.7e-10 s before v = 0."""
-    result = taylor(request((0.0, 0.3, 1e-8), 0.1, SECTION, TURN, **more))
+    result = taylor(request((0.0, 0.3, 1e-8), 0.1, SECTION, BETA_EXTREME, **more))
     assert result.status is Status.EVENT
     assert [record.name for record in result.events] == ["turn"]
     # Relative 1e-8: v changes by its rate, which changes by 1e-10 s of its slope.
@@ -273,7 +273,7 @@ def test_events_from_the_surface_are_those_of_scipy(
     which, direction, terminal, gamma, power, beta, sign, duration
 ) -> None:
     """Check that no later crossing of a function that starts at exactly zero is lost."""
-    function = (SECTION, TURN, SECTION)[which].function
+    function = (SECTION, BETA_EXTREME, SECTION)[which].function
     state = ((0.0, gamma, sign * 10**power), (beta, gamma, 0.0), (0.0, gamma, 0.0))[which]
     event = _event(which == 1, direction, terminal)
     assert event.function is function

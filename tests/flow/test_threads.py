@@ -15,7 +15,14 @@ from tests.problems import STARTS
 from tippedisk_verify.flow import compiled_runners, default_engine, default_lanes
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
-from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Result
+from tippedisk_verify.flow.contract import (
+    BETA_EXTREME,
+    SECTION,
+    SLIDING_REVERSAL,
+    Event,
+    Request,
+    Result,
+)
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
@@ -66,7 +73,7 @@ def _bytes(result: Result) -> tuple[object, ...]:
     )
 
 
-_EVENTS: tuple[tuple[Event, ...], ...] = ((), (SECTION,), (TURN, SLIDING_REVERSAL))
+_EVENTS: tuple[tuple[Event, ...], ...] = ((), (SECTION,), (BETA_EXTREME, SLIDING_REVERSAL))
 
 
 def _requests(count: int) -> list[Request]:
@@ -115,7 +122,7 @@ def test_one_batch_engine_in_threads() -> None:
             flights = shared(
                 *arguments,
                 friction="smooth",
-                events=(Event("turn", TURN.function, terminal=False),),
+                events=(Event("turn", BETA_EXTREME.function, terminal=False),),
             )
             return flights.states.tobytes(), flights.crossings
 

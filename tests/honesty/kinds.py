@@ -26,7 +26,14 @@ from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes
-from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, TURN, Event, Request, Status
+from tippedisk_verify.flow.contract import (
+    BETA_EXTREME,
+    SECTION,
+    SLIDING_REVERSAL,
+    Event,
+    Request,
+    Status,
+)
 from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
@@ -130,9 +137,12 @@ def proved_closed_forms(draw: Draw) -> Question:
 # ------------------------------------------------------------------------------------------- motion
 _PASSED = tuple(
     replace(event, name=f"each {event.name}", terminal=False)
-    for event in (SECTION, TURN, SLIDING_REVERSAL)
+    for event in (SECTION, BETA_EXTREME, SLIDING_REVERSAL)
 )
-_RETURNS = (replace(SECTION, name="next section"), replace(TURN, name="next turn", terminal=False))
+_RETURNS = (
+    replace(SECTION, name="next section"),
+    replace(BETA_EXTREME, name="next turn", terminal=False),
+)
 _DECAYS = 1000  # of sliding, the longest run: a stiffer disk is followed for a shorter time
 
 

@@ -13,7 +13,13 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
+from tippedisk_verify.proofs.kernel.section import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    PoincareSection,
+    Return,
+    return_map,
+)
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
 
@@ -103,16 +109,19 @@ def hull(low: object, high: object) -> Any:
 
 def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
     """The half map over a box."""
-    return return_map(model, HALF, (gamma_bar, v), Steps(), **options)
+    return return_map(model, LIBRATING_SECTION, (gamma_bar, v), Steps(), **options)
 
 
 def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
     """The turn map over a box."""
-    return return_map(model, TURN, (beta_bar, v), Steps(), **options)
+    return return_map(model, ROTATING_SECTION, (beta_bar, v), Steps(), **options)
 
 
 def fixed_in(
-    model: Model, middle: Sequence[Any], radii: Sequence[Any], section: PoincareSection = HALF
+    model: Model,
+    middle: Sequence[Any],
+    radii: Sequence[Any],
+    section: PoincareSection = LIBRATING_SECTION,
 ) -> FixedPoints | None:
     """Krawczyk's test for all speeds of the model at once; None if the map could not be
     followed.

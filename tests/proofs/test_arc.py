@@ -27,7 +27,7 @@ from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")
-HALF = "0.546422"  # s, half the period there
+LIBRATING_SECTION = "0.546422"  # s, half the period there
 RADIUS = "1e-3"  # rad/s
 #: A disk, and a start from which beta_bar falls to -0.66, with its speed.
 WIDE, SWING = PRINTED.changed(e="0.008", C=None), ("2.2", "-5.71", "35.57")
@@ -39,7 +39,11 @@ def cycle(s: Fraction) -> CycleProof:
 
 
 def curve(
-    radius: str, spread: str, degree: int, start: Any = (*GUESS, OMEGA), half: str = HALF
+    radius: str,
+    spread: str,
+    degree: int,
+    start: Any = (*GUESS, OMEGA),
+    half: str = LIBRATING_SECTION,
 ) -> half_map_of_curves.Curve:
     """A line through a start, by default the cycle's, with deviations in all three numbers."""
     middle = [ball(part).mid() for part in start]
@@ -168,7 +172,7 @@ def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
     polynomials, half = family_polynomials(
-        constants, start, length, 2, ball(HALF), half_map_of_curves.Curve
+        constants, start, length, 2, ball(LIBRATING_SECTION), half_map_of_curves.Curve
     )
     deviation = [arb(0), arb(0), arb(0)]
     for k in UNKNOWNS:

@@ -32,14 +32,14 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 )
 from tippedisk_verify.proofs.kernel.certificates import proved
 from tippedisk_verify.proofs.kernel.series import System
-from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
+from tippedisk_verify.proofs.search.cycle import ROTATING_SECTION, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
 
 PROOFS: dict[str, Callable[[], Any]] = {
     "cycle": lambda: prove_cycle(PRINTED, OMEGA, GUESS, digits=2),
     "smooth": lambda: prove_cycle(SMOOTH, OMEGA, SMOOTH_GUESS, digits=2),
     "rotation": lambda: prove_cycle(
-        PRINTED, "30.0388", ("0.46984", "0.60389"), digits=2, section=TURN
+        PRINTED, "30.0388", ("0.46984", "0.60389"), digits=2, section=ROTATING_SECTION
     ),
     "fold": lambda: prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5),
 }

@@ -13,7 +13,7 @@ from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, short_float
-from tippedisk_verify.proofs.kernel.section import HALF, Return, return_map
+from tippedisk_verify.proofs.kernel.section import LIBRATING_SECTION, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Step
 from tippedisk_verify.proofs.search.steps import Steps
@@ -58,7 +58,11 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
             box = [part + arb(0, size) for part in map(ball, START)]
             proposer = Careless(random.Random(seed))
             flight = return_map(
-                model_of(parameters, ball(OMEGA)), HALF, box, proposer, derivatives=True
+                model_of(parameters, ball(OMEGA)),
+                LIBRATING_SECTION,
+                box,
+                proposer,
+                derivatives=True,
             )
         if flight.status is not FlowStatus.RETURNED:
             continue
@@ -119,7 +123,9 @@ class Meddling(Steps):
 def flown(proposer: Steps) -> Return:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
-        return return_map(model_of(PRINTED, ball("30.4")), HALF, box, proposer, derivatives=True)
+        return return_map(
+            model_of(PRINTED, ball("30.4")), LIBRATING_SECTION, box, proposer, derivatives=True
+        )
 
 
 def test_the_kernel_believes_its_own_steps_only() -> None:

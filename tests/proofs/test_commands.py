@@ -25,7 +25,7 @@ from tippedisk_verify.proofs.closed_forms import (
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection import MAX_DIGITS, prove_connection
 from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
-from tippedisk_verify.proofs.search.cycle import TURN, prove_cycle
+from tippedisk_verify.proofs.search.cycle import ROTATING_SECTION, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
 from tippedisk_verify.theory import hopf
 
@@ -152,7 +152,10 @@ SMOOTH = PRINTED.with_friction("smooth")
             for omega in ("pi", "x")
         ),
         (lambda: prove_cycle(PRINTED, "30.4", (1, 2, 3)), "two components"),
-        (lambda: prove_cycle(PRINTED, "30.06", (0.45,), section=TURN), "two components"),
+        (
+            lambda: prove_cycle(PRINTED, "30.06", (0.45,), section=ROTATING_SECTION),
+            "two components",
+        ),
         (lambda: prove_cycle(PRINTED, "30.4", ("x", -1)), "decimal"),
         (lambda: prove_fold(SMOOTH, (1, -1, 30)), "linear"),
         (lambda: prove_fold(PRINTED, (1, -1, 30), digits=0), "digits"),

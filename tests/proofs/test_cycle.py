@@ -34,7 +34,12 @@ from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.cycle import TURN, CycleProof, CycleStatus, prove_cycle
+from tippedisk_verify.proofs.search.cycle import (
+    ROTATING_SECTION,
+    CycleProof,
+    CycleStatus,
+    prove_cycle,
+)
 from tippedisk_verify.reference_values.lookup import reference
 
 # The reference data's speed half a radian per second below Omega_crit
@@ -116,7 +121,7 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
     spectral = spectral_rotation(PRINTED, omega, stable=stable, digits=14) if stable else ordinary
-    for name in claimed_names(TURN):
+    for name in claimed_names(ROTATING_SECTION):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
         theirs = [getattr(ordinary, name), getattr(spectral, name, None)]
         for other in (

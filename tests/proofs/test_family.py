@@ -17,7 +17,7 @@ import pytest
 from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
-from tippedisk_verify.cycles.branch import family
+from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
@@ -365,7 +365,7 @@ def test_the_whole_of_the_printed_disk(tmp_path) -> None:
         round(least + (highest - least) * Fraction(rng.randint(1, 10**6 - 1), 10**6), 12)
         for _ in range(30)
     ]
-    cycles = list(family(PRINTED, default_engine(), omegas=speeds))
+    cycles = list(librating_branch(PRINTED, default_engine(), omegas=speeds))
     for start in cycles:
         cycle = prove_cycle(PRINTED, start.omega.value, (start.gamma_bar_0.value, start.v_0.value))
         found = cycle.numbers()

@@ -18,7 +18,12 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of
-from tippedisk_verify.proofs.search.fold import HALF, TURN, FoldProof, prove_fold
+from tippedisk_verify.proofs.search.fold import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    FoldProof,
+    prove_fold,
+)
 
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")  # cycles are born above Omega_crit and turn round
 SUBCRITICAL_FOLD = (
@@ -98,7 +103,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
 @pytest.mark.slow(minutes=0.5)
 def test_rotating_folds_are_proved(taylor) -> None:
     fold = rotation_fold(locator_of(PRINTED, taylor).rotating_family, digits=30)
-    proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=TURN)
+    proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=ROTATING_SECTION)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"
     assert PRINTED.definition() in proof.statement
@@ -130,7 +135,10 @@ def test_the_mirror_image_of_a_fold_is_no_start() -> None:
     starts.
     """
     rotating = ("0.4630367294818", "0.5257215484636", "30.00345938271")
-    for disk, section, near in ((SUBCRITICAL, HALF, SUBCRITICAL_FOLD), (PRINTED, TURN, rotating)):
+    for disk, section, near in (
+        (SUBCRITICAL, LIBRATING_SECTION, SUBCRITICAL_FOLD),
+        (PRINTED, ROTATING_SECTION, rotating),
+    ):
         first, second, omega = map(Fraction, near)
         proof = prove_fold(disk, (-first, -second, omega), digits=6, section=section)
         assert (proof.proved, dict(proof.values)) == (False, {})
@@ -151,4 +159,4 @@ def test_no_fold_is_proved_beside_one(taylor, subcritical_fold) -> None:
     assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
     rising = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
     near = (rising.beta_bar_top.value, rising.v_top.value, "30.02")
-    assert not prove_fold(PRINTED, near, digits=8, section=TURN).proved
+    assert not prove_fold(PRINTED, near, digits=8, section=ROTATING_SECTION).proved

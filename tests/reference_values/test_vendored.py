@@ -17,7 +17,7 @@ from reference_data.make.generation import DATA_VERSION
 from tests.command_line import answer, printed
 from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export
-from tippedisk_verify.reference_values.questions import TABLE
+from tippedisk_verify.reference_values.questions import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import (
     data_folder,
     definition_of,
@@ -61,7 +61,7 @@ def test_the_schema_is_that_of_the_table() -> None:
     entries.
     """
     fields = json.loads((DATA / "schema.json").read_text())["fields"]
-    assert tuple(field["name"] for field in fields) == TABLE
+    assert tuple(field["name"] for field in fields) == VALUES_COLUMNS
     patterns = {
         one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields
     }

@@ -16,7 +16,7 @@ import tippedisk_verify
 from reference_data.make.generation import generate
 from tests.command_line import Ran, assert_refused, ran
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.manifest import LARGEST, faults_in_files
+from tippedisk_verify.reference_values.manifest import MAX_FILE_BYTES, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
 
 _TOML = (
@@ -170,7 +170,7 @@ def test_a_bad_compressed_file_is_refused(spoil: str, tmp_path: Path) -> None:
     (data / "values.csv").unlink()
     (data / "values.csv.gz").write_bytes(gzip.compress(text, 1))
     packed = {
-        "bomb": gzip.compress(bytes(LARGEST + 10), 1),
+        "bomb": gzip.compress(bytes(MAX_FILE_BYTES + 10), 1),
         "cut": gzip.compress(text, 1)[:-9],
         "text": text,
     }[spoil]

@@ -17,7 +17,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
-from tippedisk_verify.cycles.branch import cycles_found, family
+from tippedisk_verify.cycles.branch import cycles_found, librating_branch
 from tippedisk_verify.cycles.omega_h_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
@@ -253,13 +253,14 @@ class Audit(Printable):
         )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """Return the limit cycles of a set that `cycles.branch.family` finds at its default speeds.
+        """Return the limit cycles of a set that `cycles.branch.librating_branch` finds at its default speeds.
 
         Args:
             name: The set's name.
         """
         return self._once(
-            ("family", name), lambda: tuple(cycles_found(family(self._set(name), self.engine)))
+            ("family", name),
+            lambda: tuple(cycles_found(librating_branch(self._set(name), self.engine))),
         )
 
     def panel(self, scene: str, name: str) -> Panel:

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.arrays import OnArrays
+from tippedisk_verify.model.arrays import ArrayFunction
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -67,7 +67,7 @@ class Problem:
         """The equations of motion as ``f(t, y)`` in NumPy, for `solve_ivp` and its like (Eq.
         3DOF).
         """
-        return OnArrays(field, self.parameters, self.omega)
+        return ArrayFunction(field, self.parameters, self.omega)
 
     @property
     def scalar_rhs(self) -> Callable[[object, Any], Any]:

@@ -43,7 +43,7 @@ from typing import Any
 from tippedisk_verify.bench.problems import ErrorKind, Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import SECTION, TURN, Event, raise_unless_usable
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, raise_unless_usable
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -52,7 +52,7 @@ from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
 __all__ = ["Truth", "has_error", "numbers_of", "returning", "truth_of"]
 
 _CROSSING = Event("crossing", SECTION.function, direction=1, terminal=False)  # v < 0
-_LARGEST = Event("largest", TURN.function, direction=-1, terminal=False)
+_LARGEST = Event("largest", BETA_EXTREME.function, direction=-1, terminal=False)
 _INTERVALS = 20  # of a user's sample times in a run, about
 _MAX_NEWTON_STEPS = 10  # two more digits, then four, ...: 60 digits take six
 

@@ -96,9 +96,12 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
         write_bytes(out, encoded(study.plot(), "png"))
     elif out is not None:
-        from tippedisk_verify.cycles.distance_study import LAWS
+        from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 
-        rows = [{**row, **dict(zip(LAWS, row["law"], strict=True))} for row in result["rows"]]
+        rows = [
+            {**row, **dict(zip(PERIOD_LAW_COLUMNS, row["law"], strict=True))}
+            for row in result["rows"]
+        ]
         write_table(
             out,
             with_width_columns([{key: row[key] for key in row if key != "law"} for row in rows]),

@@ -1,4 +1,6 @@
-"""The grading of answers in digits: the error, its scale, and the verdict."""
+"""The grading of answers in digits: the correct digits of each answer, and the verdict.
+
+The scale of an error and the digits required are in `reference_values.questions`."""
 
 from __future__ import annotations
 
@@ -20,9 +22,7 @@ from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.questions import (
-    FAILS_BELOW,
     ROUNDING,
-    TOLERANCES,
     needed,
     placed,
     scale_of,
@@ -36,20 +36,15 @@ from tippedisk_verify.reference_values.store import (
 )
 
 __all__ = [
-    "FAILS_BELOW",
     "LEVEL_NAMES",
-    "TOLERANCES",
     "Grade",
     "Tally",
     "answer_text",
-    "as_decimal",
     "by_quantity",
     "compare",
     "digits_between",
     "graded",
     "levels_of",
-    "needed",
-    "scale_of",
 ]
 
 LEVEL_NAMES = {

@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
-from tippedisk_verify.conformance.grading import FAILS_BELOW, TOLERANCES, Grade, Tally, by_quantity
+from tippedisk_verify.conformance.grading import Grade, Tally, by_quantity
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable, data_frame
+from tippedisk_verify.reference_values.questions import ALLOWED_INPUT_CHANGE, DIGITS_REQUIRED
 from tippedisk_verify.reference_values.store import is_optional
 
 if TYPE_CHECKING:
@@ -191,7 +192,7 @@ class Report(Printable):
         """Return remarks on levels at which a program's integration tolerance seems to limit its
         digits.
 
-        At such a level no answer is wrong, but some errors are larger than `TOLERANCES`.
+        At such a level no answer is wrong, but some errors are larger than `ALLOWED_INPUT_CHANGE`.
         """
         remarks = []
         for level in self.levels:
@@ -201,7 +202,7 @@ class Report(Printable):
             off = [
                 grade
                 for grade in level_grades
-                if grade.off > TOLERANCES[level.level] and grade.verdict != "exact"
+                if grade.off > ALLOWED_INPUT_CHANGE[level.level] and grade.verdict != "exact"
             ]
             if off:
                 most = max(off, key=lambda grade: grade.off)
@@ -348,7 +349,7 @@ def print_report(report: Report, console: Console) -> None:
         [
             *row(level, f"{level.level} {level.name}", f"{level.answered}/{level.asked}"),
             shown_digits(level.middle),
-            str(FAILS_BELOW[level.level]),
+            str(DIGITS_REQUIRED[level.level]),
             coloured(level.verdict, level.verdict),
         ]
         for level in report.levels
@@ -441,7 +442,7 @@ def html_page(report: Report) -> str:
         colour_of=colour_of,
         legend=_LEGEND,
         split=split_where_wrong,
-        needs=FAILS_BELOW,
+        needs=DIGITS_REQUIRED,
     )
 
 

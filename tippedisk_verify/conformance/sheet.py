@@ -27,7 +27,12 @@ from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.lookup import full_id
-from tippedisk_verify.reference_values.questions import COLUMNS, TABLE, placed, question_fields
+from tippedisk_verify.reference_values.questions import (
+    QUESTION_COLUMNS,
+    VALUES_COLUMNS,
+    placed,
+    question_fields,
+)
 from tippedisk_verify.reference_values.store import (
     ReferenceValue,
     Store,
@@ -37,7 +42,7 @@ from tippedisk_verify.reference_values.store import (
 )
 
 __all__ = [
-    "COLUMNS",
+    "QUESTION_COLUMNS",
     "Answers",
     "Row",
     "answer_line",
@@ -51,7 +56,7 @@ __all__ = [
     "store_for",
 ]
 
-_QUESTION = COLUMNS[1:-2]  # the columns that describe the question, apart from the id
+_QUESTION = QUESTION_COLUMNS[1:-2]  # the columns that describe the question, apart from the id
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
 # bytes; a sheet with every question and fifty digits each is about ten million long
 _MAX_SHEET_BYTES = 64_000_000
@@ -163,7 +168,9 @@ def sheet_csv(store: Store, asked: Iterable[ReferenceValue]) -> str:
         asked: The questions of the sheet.
     """
     rows = (question_row(store, quantity) for quantity in asked)
-    return csv_text(COLUMNS, ([row.get(name, "") for name in COLUMNS] for row in rows))
+    return csv_text(
+        QUESTION_COLUMNS, ([row.get(name, "") for name in QUESTION_COLUMNS] for row in rows)
+    )
 
 
 def sheet_json(store: Store, asked: Iterable[ReferenceValue]) -> str:
@@ -298,9 +305,9 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
         )
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
-            has = f"; one has {_listed(row, TABLE)}" if isinstance(row, dict) else ""
+            has = f"; one has {_listed(row, VALUES_COLUMNS)}" if isinstance(row, dict) else ""
             raise InputError(f'each question of a JSON sheet has an "id"{has}')
-        _note_strange(row, TABLE, answers)
+        _note_strange(row, VALUES_COLUMNS, answers)
         yield _json_row(row, _as_text(row.get("from", "") or everywhere))
 
 
@@ -319,12 +326,12 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
     )
     try:
         header = [name.strip() for name in next(table, [])]
-        _note_strange(header, TABLE, answers)
+        _note_strange(header, VALUES_COLUMNS, answers)
         if "id" not in header or "answer" not in header:
             raise InputError(
                 "neither a CSV nor a JSON sheet: the first line must name the columns id and "
                 "answer, separated by "
-                f"commas, semicolons or tabs; it has {_listed(header, TABLE)}"
+                f"commas, semicolons or tabs; it has {_listed(header, VALUES_COLUMNS)}"
             )
         id_at, answer_at = header.index("id"), header.index("answer")
         from_at = header.index("from") if "from" in header else None

@@ -15,7 +15,7 @@ from functools import lru_cache, partial
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
@@ -158,7 +158,8 @@ def bisect_omega_h(
             )
     # Twice as wide: close to its ends another processor's wider run may see the other side.
     return BisectedOmegaH(
-        Measured(centre, half_width * DISTANCES), f"bisection, confirmed in {wider.name} precision"
+        Measured(centre, half_width * HALF_WIDTH_FACTOR),
+        f"bisection, confirmed in {wider.name} precision",
     )
 
 

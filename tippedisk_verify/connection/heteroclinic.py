@@ -14,10 +14,10 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
-from tippedisk_verify.model.arrays import OnArrays, doubles
+from tippedisk_verify.model.arrays import ArrayFunction, doubles
 from tippedisk_verify.model.equations import field as equations_of_motion
 from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -122,14 +122,18 @@ class Heteroclinic(Printable):
             return times, states, numpy.full(states.shape, numpy.inf)
         moved = self._branch(omega_h.value + omega_h.uncertainty, since, engine)
         earlier = abs(float(moved.events[0].time - run.events[0].time))
-        late = numpy.spacing(numpy.abs(times)) + run.error.events[0] + DISTANCES * earlier
-        rates = numpy.abs(OnArrays(equations_of_motion, self.parameters, omega_h.value)(0, states))
-        widths = doubles(run.error.samples + DISTANCES * numpy.abs(moved.samples - run.samples)).T
+        late = numpy.spacing(numpy.abs(times)) + run.error.events[0] + HALF_WIDTH_FACTOR * earlier
+        rates = numpy.abs(
+            ArrayFunction(equations_of_motion, self.parameters, omega_h.value)(0, states)
+        )
+        widths = doubles(
+            run.error.samples + HALF_WIDTH_FACTOR * numpy.abs(moved.samples - run.samples)
+        ).T
         # Two roundings: that of the flight's number to a double, and that of the sum with pi/2.
         return (
             times,
             states,
-            widths + DISTANCES * rates * late + numpy.spacing(2 * numpy.abs(states)),
+            widths + HALF_WIDTH_FACTOR * rates * late + numpy.spacing(2 * numpy.abs(states)),
         )
 
     def _branch(
@@ -215,7 +219,7 @@ def _eigenvalues(
     first, second, third = (
         Measured(
             a.re.value,
-            a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * DISTANCES,
+            a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * HALF_WIDTH_FACTOR,
         )
         for a, b in zip(eigenvalues, moved, strict=True)
     )

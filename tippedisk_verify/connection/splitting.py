@@ -33,7 +33,7 @@ import numpy
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction, quotient
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -393,7 +393,9 @@ def _zero(
     check = finer(omega)
     report_share(_BY_WIDER_RUN)
     budget = {
-        "series, flow and rounding, by a wider run": abs(check.carried) / steepness * DISTANCES,
+        "series, flow and rounding, by a wider run": abs(check.carried)
+        / steepness
+        * HALF_WIDTH_FACTOR,
         # L(s) leaves out the square of the fast coordinate, with a curvature of order 1.
         "fast direction beyond first order": 10
         * fraction(check.t) ** 2

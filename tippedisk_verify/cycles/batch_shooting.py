@@ -228,10 +228,10 @@ class _SectionBatch:
         )
         rows, rates = flights.derivatives, _rates(constants, omegas, flights.states)
         # The image of each flight's end less its start, (n, 3): (beta_bar, gamma_bar, v).
-        errors = section.image * flights.states - starts
+        errors = section.symmetry_sign * flights.states - starts
         for growth in section.growth:
             errors[:, section.fixed] -= growth
-        matrix = section.image * numpy.concatenate(
+        matrix = section.symmetry_sign * numpy.concatenate(
             (rows[:, :, axes], rates[:, :, None], rows[:, :, 3:]), axis=2
         )
         for column, axis in enumerate(axes):
@@ -250,9 +250,11 @@ class _SectionBatch:
         return _NewtonStep(
             step=-(inverse @ errors[:, :, None])[:, :, 0],
             by_omega=by_omega,
-            map=section.image * numpy.stack(moved, axis=1),
+            map=section.symmetry_sign * numpy.stack(moved, axis=1),
             residual=numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1]),
-            trivial=section.image * (images * direction).sum(axis=1) / (direction**2).sum(axis=1),
+            trivial=section.symmetry_sign
+            * (images * direction).sum(axis=1)
+            / (direction**2).sum(axis=1),
         )
 
     def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:

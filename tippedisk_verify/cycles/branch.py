@@ -55,7 +55,7 @@ __all__ = [
     "Branch",
     "SpecialPoint",
     "cycles_found",
-    "family",
+    "librating_branch",
     "not_all_missing",
     "paper_speeds",
     "rotating_branch",
@@ -422,7 +422,7 @@ def paper_speeds(parameters: Parameters, omega_h: Fraction) -> tuple[float, ...]
 
 
 # ---------------------------------------------------------------------------------------- librating
-def family(
+def librating_branch(
     parameters: Parameters,
     engine: Engine,
     *,

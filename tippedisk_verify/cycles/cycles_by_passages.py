@@ -329,7 +329,7 @@ def monodromy_by_passages(
 
 def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
     at = EXTENDED.number(distance)
-    half = HalfMap(flights, at, LIBRATING.image)
+    half = HalfMap(flights, at, LIBRATING.symmetry_sign)
     sigma, multiplier, _ = half.fixed_point()
     imaginary = abs(at) * _IMAGINARY
     time_by_sigma = half(sigma + 1j * imaginary).time.imag / imaginary
@@ -348,7 +348,7 @@ def _numbers(
     complex-step derivatives: the speed has an imaginary part far below rounding. pi is subtracted
     from ``gamma_bar_0``, so that it keeps its digits.
     """
-    image = section.image
+    image = section.symmetry_sign
     at = EXTENDED.number(distance)
     sigma, multiplier, sizes = HalfMap(flights, at, image).fixed_point()
     imaginary = abs(at) * _IMAGINARY

@@ -31,7 +31,7 @@ from tippedisk_verify.cycles.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -230,7 +230,7 @@ def with_speed(
         for name in section.names
     )
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))
-    share = DISTANCES * omega_h.uncertainty / moved
+    share = HALF_WIDTH_FACTOR * omega_h.uncertainty / moved
     widened = {"omega": Measured(cycle.omega.value, omega_h.uncertainty)}
     for name in number_names(section):
         number: Measured = getattr(cycle, name)

@@ -21,10 +21,16 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, data_frame, quantity
 
-__all__ = ["LAWS", "AnswerRow", "DistanceRow", "NearHeteroclinic", "near_heteroclinic"]
+__all__ = [
+    "PERIOD_LAW_COLUMNS",
+    "AnswerRow",
+    "DistanceRow",
+    "NearHeteroclinic",
+    "near_heteroclinic",
+]
 
 #: The columns of `DistanceRow.law` in tables.
-LAWS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
+PERIOD_LAW_COLUMNS = ("law_of_one_term", "law_of_two_terms", "law_of_three_terms")
 
 
 @dataclass(frozen=True, repr=False)
@@ -81,7 +87,9 @@ class NearHeteroclinic(Printable):
         Raises:
             InputError: If pandas is not installed.
         """
-        rows = [vars(row) | dict(zip(LAWS, row.law, strict=True)) for row in self.rows]
+        rows = [
+            vars(row) | dict(zip(PERIOD_LAW_COLUMNS, row.law, strict=True)) for row in self.rows
+        ]
         return data_frame(rows).drop(columns="law")
 
     def plot(self, axes: Any = None) -> Any:

@@ -15,9 +15,9 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, raise_unless_usable
-from tippedisk_verify.model.arrays import doubles, workable
+from tippedisk_verify.model.arrays import doubles, numpy_safe
 from tippedisk_verify.model.exact import exact, fraction
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.results import Printable, as_json, with_widths
 from tippedisk_verify.progress import report_share
@@ -278,9 +278,12 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
     by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
-    width = doubles(whole.error.variations) * (1 + DISTANCES * len(others) / _MOVE_FACTOR)
+    width = doubles(whole.error.variations) * (1 + HALF_WIDTH_FACTOR * len(others) / _MOVE_FACTOR)
     return Monodromy(
-        cycle, time, workable(whole.derivatives), width + by_moving * DISTANCES / _MOVE_FACTOR
+        cycle,
+        time,
+        numpy_safe(whole.derivatives),
+        width + by_moving * HALF_WIDTH_FACTOR / _MOVE_FACTOR,
     )
 
 

@@ -1,5 +1,7 @@
 """Newton's iteration for a cycle as a fixed point of a section's return map.
 
+Each caller brings its limits, the largest number of steps and the size at the end (`Stop`).
+
 `return_map` has the steps. This module has the loop. It may be damped, and it takes its derivatives
 at each point or from a chord.
 """

@@ -29,7 +29,7 @@ from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient
-from tippedisk_verify.model.measured import DISTANCES, Measured
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits, bits_for_digits
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -378,7 +378,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
     while True:
         omega_h = family.asymptotics.omega_h
         family.further(omega_h / 10**digits)
-        half_width = family.change * DISTANCES
+        half_width = family.change * HALF_WIDTH_FACTOR
         if half_width <= omega_h / 10**digits:
             return Measured(omega_h, half_width)
 

@@ -144,7 +144,7 @@ class ReturnMap(Generic[C]):
         # The start lies past the section by far less than rounding. If the section's function were
         # zero to the last bit there, heyoka would see no other crossing in its first step. (With
         # the fourth power MPFR's numbers would lose memory.)
-        self._edge = precision.number(section.passed * precision.epsilon**2)
+        self._edge = precision.number(section.crossing_sign * precision.epsilon**2)
         self._requests: dict[tuple[Event, ...], Request] = {}
 
     def within(self, precision: Precision) -> ReturnMap[C]:
@@ -186,7 +186,7 @@ class ReturnMap(Generic[C]):
         # Python's own floats: arithmetic on numpy's scalars takes longer
         if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()
-        fixed, free, image = self.section.fixed, self.section.free, self.section.image
+        fixed, free, image = self.section.fixed, self.section.free, self.section.symmetry_sign
         arrival = [*end]
         arrival[fixed] = self._growth
         rates = self._rates(*arrival)
@@ -218,7 +218,7 @@ class ReturnMap(Generic[C]):
             end: The state (3,) in which the flow arrives.
             point: Both coordinates of the start.
         """
-        (a, b), image = self.section.free, self.section.image
+        (a, b), image = self.section.free, self.section.symmetry_sign
         return image * end[a] - point[0], image * end[b] - point[1]
 
     def measures(self, flight: Result) -> dict[str, Any]:
@@ -244,7 +244,7 @@ class ReturnMap(Generic[C]):
             sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow
         )
         along = sum(a * b for a, b in zip(moved, rates, strict=True))
-        return self.section.image * along / sum(rate * rate for rate in rates)
+        return self.section.symmetry_sign * along / sum(rate * rate for rate in rates)
 
     def end_of_branch(self) -> tuple[Any, Any]:
         """Return the coordinates at which a saddle's unstable branch meets the section.
@@ -263,12 +263,12 @@ class ReturnMap(Generic[C]):
         # A flight from the librating section starts next to the saddle at gamma_bar = pi: the
         # other's image.
         state = saddle.start_on_branch(
-            Fraction(1, 1 << (self.precision.bits // 6)), self.section.image
+            Fraction(1, 1 << (self.precision.bits // 6)), self.section.symmetry_sign
         )
         # The request is built like those of the cycle's own flights.
         result = self.engine(
             self._request(
-                state, divergence=True, events=(self.section.ends, *self.section.recorded)
+                state, divergence=True, events=(self.section.end_event, *self.section.recorded)
             )
         )
         if result.status is not Status.EVENT:
@@ -302,7 +302,9 @@ class ReturnMap(Generic[C]):
     ) -> Result:
         section, state = self.section, self._state(point)
         if events not in self._requests:
-            self._requests[events] = self._request(state, events=(section.ends, *events), **needs)
+            self._requests[events] = self._request(
+                state, events=(section.end_event, *events), **needs
+            )
         if not section.possible(float(point[0]), float(point[1])):
             raise NoSuchCycleError(section.impossible)
         result = self.engine(self._requests[events].starting_at(state, rounding))

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.flow.contract import GAMMA_TOP, SECTION, TURN, Event, Variation
+from tippedisk_verify.flow.contract import BETA_EXTREME, GAMMA_TOP, SECTION, Event, Variation
 
 __all__ = [
     "BOTTOM",
@@ -42,7 +42,7 @@ GAMMA_TURN = Event("round", GAMMA_TOP.function, direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
 BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
 #: beta is extreme.
-EXTREME = Event("extreme", TURN.function, terminal=False)
+EXTREME = Event("extreme", BETA_EXTREME.function, terminal=False)
 #: The variables with respect to which flights are differentiated. beta is among them: with four
 #: variables heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
@@ -69,10 +69,10 @@ class Section(Generic[C]):
 
     name: str
     result: type[C]  #: the class of the cycle through a fixed point of the return map
-    passed: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
-    ends: Event  #: ends a flight
+    crossing_sign: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
+    end_event: Event  #: ends a flight
     turns: int  #: the growth of the fixed component in a flight, in units of 2 pi
-    image: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
+    symmetry_sign: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     per_period: int  #: flights that make up a period of the cycle
     #: True for coordinates that a start may have, given as doubles; a mask (n,) for arrays (n,)
     possible: Callable[[Any, Any], Any]
@@ -140,10 +140,10 @@ _BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
 LIBRATING = Section(
     name="librating",
     result=LimitCycle,
-    passed=-1,
-    ends=RETURNS,
+    crossing_sign=-1,
+    end_event=RETURNS,
     turns=0,
-    image=-1,
+    symmetry_sign=-1,
     per_period=2,
     # gamma_bar rounds to the saddle's pi next to Omega_h, so pi itself is allowed.
     possible=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
@@ -158,10 +158,10 @@ LIBRATING = Section(
 ROTATING = Section(
     name="rotating",
     result=RotatingCycle,
-    passed=1,
-    ends=GAMMA_TURN,
+    crossing_sign=1,
+    end_event=GAMMA_TURN,
     turns=1,
-    image=1,
+    symmetry_sign=1,
     per_period=1,
     possible=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < 1.5707),
     impossible="a rotating cycle leans to one side, 0 < beta - pi/2 < pi/2: the guess does not",

@@ -21,9 +21,9 @@ from tippedisk_verify.cycles.spectral_branch import (
     floquet_mode,
     fold_residual,
     fold_system,
-    newton,
     not_converged_error,
     rotation_at,
+    solve_on_plane,
     spectral_fold_near,
 )
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -362,7 +362,7 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     the iteration does not converge.
     """
     double, exact = a.double, a.number(speed)
-    point = newton(double, resampled(a.kind, start, a.count))
+    point = solve_on_plane(double, resampled(a.kind, start, a.count))
     if point is None:
         raise not_converged_error(a.count)
     unknowns = _chord(

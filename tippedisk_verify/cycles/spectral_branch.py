@@ -26,9 +26,9 @@ __all__ = [
     "floquet_mode",
     "fold_residual",
     "fold_system",
-    "newton",
     "not_converged_error",
     "rotation_at",
+    "solve_on_plane",
     "spectral_fold_near",
 ]
 
@@ -66,7 +66,7 @@ def not_converged_error(samples: int) -> NoSuchCycleError:
     )
 
 
-def newton(a: Collocation, start: Any, normal: Any = None) -> Any | None:
+def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None:
     """Solve the collocation equations for the limit cycle in the plane through ``start`` with the
     given normal.
 
@@ -205,7 +205,7 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
     else:  # along the unstable ones, from Omega_crit on downward
         crit = float(omega_crit(parameters, 20).value)
         first = rotation_at(parameters, crit, stable=False)
-        second = newton(
+        second = solve_on_plane(
             Collocation(parameters, kind, len(first) - 2),
             numpy.append(first[:-1], _SPEED_RATIO * crit),
         )
@@ -243,7 +243,7 @@ def _follow_branch(
         # The plane across the branch, with frequency and speed in units of their own size, and
         # beta_bar by its mean square.
         units = numpy.append(numpy.full(n, math.sqrt(n)), point[-2:])
-        ahead = newton(a, point + length * along, along / units**2)
+        ahead = solve_on_plane(a, point + length * along, along / units**2)
         if ahead is None:  # the step is too long, or the cycle needs more harmonics: change both
             length /= 2
             if length < 1e-3:
@@ -295,7 +295,9 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
         )
         for amplitude in (0.0, _FIRST_AMPLITUDE)
     )
-    cycle = newton(Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth)
+    cycle = solve_on_plane(
+        Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth
+    )
     if cycle is None:
         raise not_converged_error(_FIRST_SAMPLES)
     return _follow_branch(parameters, Kind.LIBRATING, birth, cycle, target)
@@ -337,7 +339,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
     share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turns else share
     guess = before + share * (point - before)
     guess[-1] = speed
-    cycle = newton(Collocation(parameters, Kind.LIBRATING, len(guess) - 2), guess)
+    cycle = solve_on_plane(Collocation(parameters, Kind.LIBRATING, len(guess) - 2), guess)
     if cycle is None:
         raise not_converged_error(len(guess) - 2)
     return cycle
@@ -362,7 +364,7 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
     """
     a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
     for lean in _START_LEANS if stable else _START_LEANS[::-1]:
-        point = newton(a, _rolling_disk_cycle(parameters, omega, lean))
+        point = solve_on_plane(a, _rolling_disk_cycle(parameters, omega, lean))
         if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
             return point
     raise NoSuchCycleError(

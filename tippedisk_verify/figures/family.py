@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.cycles.branch import cycles_found, family, rotating_branch
+from tippedisk_verify.cycles.branch import cycles_found, librating_branch, rotating_branch
 from tippedisk_verify.cycles.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import locator_of
@@ -238,7 +238,9 @@ def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
     steps = [gap * Fraction((1 - math.cos(math.pi * n / _SPEEDS)) / 2) for n in range(1, _SPEEDS)]
     librating = [
         *audit.family(name),
-        *cycles_found(family(parameters, engine, omegas=[omega_h.value + s for s in steps])),
+        *cycles_found(
+            librating_branch(parameters, engine, omegas=[omega_h.value + s for s in steps])
+        ),
     ]
     reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
     beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]

@@ -1,4 +1,5 @@
-"""The contract between the users of trajectories and the engines that compute them, and its events.
+"""The contract between the users of trajectories and the engines that compute them: requests, results,
+events, and statuses with their messages.
 
 The events that the package knows by name are here: crossings of a section, turns, sliding reversals,
 and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
@@ -26,12 +27,12 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 from tippedisk_verify.model.results import Printable, with_widths
 
 __all__ = [
+    "BETA_EXTREME",
     "FLAT",
     "GAMMA_TOP",
     "MAX_STEPS",
     "SECTION",
     "SLIDING_REVERSAL",
-    "TURN",
     "Build",
     "Engine",
     "ErrorEstimate",
@@ -177,7 +178,7 @@ FLAT = Event("flat", lambda ops, constants, omega, beta, gamma, v: ops.sin(beta)
 #: beta = pi/2 (cos beta = 0): the Poincare section, where gamma is extreme.
 SECTION = Event("section", lambda ops, constants, omega, beta, gamma, v: ops.cos(beta))
 #: v = 0: beta is extreme.
-TURN = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
+BETA_EXTREME = Event("turn", lambda ops, constants, omega, beta, gamma, v: 1 * v)
 #: gamma = pi/2 modulo 2 pi, passed upward: the centre of gravity is at its top. The run goes on.
 GAMMA_TOP = Event(
     "top",

@@ -24,10 +24,10 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import ROUNDINGS
 from tippedisk_verify.model.equations import shifted
-from tippedisk_verify.model.measured import DISTANCES
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
 
-__all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "from_defect"]
+__all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "half_widths_from_defect"]
 
 #: The number of digits up to which a run in doubles is left as it is.
 PLAIN_DIGITS = 12
@@ -131,7 +131,7 @@ class NotInProportion(ArithmeticError):
     """
 
 
-def from_defect(request: Request, result: Result) -> Result | None:
+def half_widths_from_defect(request: Request, result: Result) -> Result | None:
     """Return the result of a run with half-widths, from the run's defect, accurate to the digits
     that the request asks for.
 
@@ -287,7 +287,7 @@ class _RunWithError:
             change = self._defect.sweep()
             if change < _LIMITS.next_order:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
-                return DISTANCES * max(
+                return HALF_WIDTH_FACTOR * max(
                     change * _LIMITS.next_order, _LIMITS.in_doubles, _LIMITS.in_doubles * largest
                 )
         raise NotInProportion
@@ -336,7 +336,7 @@ class _RunWithError:
         return places, errors, self._left(roundings, nodes)
 
     def _left(self, roundings: Any, nodes: Any) -> Any:
-        return self._share * roundings + DISTANCES * nodes
+        return self._share * roundings + HALF_WIDTH_FACTOR * nodes
 
     def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion crosses an event's surface, with half-widths, from the
@@ -430,9 +430,9 @@ class _RunWithError:
         ending = None if result.status is Status.REACHED else result.events[-1].name
         for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
             values = self._in_doubles(event, states)
-            lost = abs(values) <= DISTANCES * (abs(self._gradient(event, states)) * reach).sum(
-                axis=0
-            )
+            lost = abs(values) <= HALF_WIDTH_FACTOR * (
+                abs(self._gradient(event, states)) * reach
+            ).sum(axis=0)
             # A start on the surface is no crossing
             first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)
             end = -1 if event.name == ending else None

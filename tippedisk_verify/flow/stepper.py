@@ -1,4 +1,6 @@
-"""A compiled heyoka stepper for one kind of request, with its events and its restarts."""
+"""A compiled heyoka stepper for one kind of request, with its tolerance, events and restarts.
+
+Without a tolerance in the request, heyoka's default holds: one unit in the last place."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""heyoka's Taylor integrator behind the contract, one run at a time in any precision.
+"""heyoka's Taylor integrator as an engine: it chooses the stepper of a request and the way to its
+half-widths.
 
 Each request is served by a compiled integrator: the bare field, the field with the requested
 events, or the variational system for the requested derivatives, in the requested arithmetic. It is
@@ -19,10 +20,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, from_defect
+from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, half_widths_from_defect
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
-from tippedisk_verify.flow.wider_run import compared
+from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
 from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
@@ -136,7 +137,7 @@ class Taylor:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
             return result._replace(series=None)
-        refined = from_defect(request, result)
+        refined = half_widths_from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
             precision = bits(bits_for_digits(request.digits + 8))
             wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
@@ -144,10 +145,13 @@ class Taylor:
         if refined is None:
             if request.estimated_by_defect:
                 result = result._replace(samples=result.series.samples(request, result.status))
-            refined = compared(self, request, result)
+            refined = half_widths_from_wider_run(self, request, result)
             assert refined.error is not None
             if math.isinf(refined.error.time) and request.events and starts_on_a_surface(request):
-                refined = from_defect(replace(request, digits=_SURFACE_DIGITS), result) or refined
+                refined = (
+                    half_widths_from_defect(replace(request, digits=_SURFACE_DIGITS), result)
+                    or refined
+                )
         return refined._replace(series=None)
 
 

@@ -4,7 +4,7 @@ suffice.
 This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
 roundings (see `flow.error_estimate`). The half-width of a number q is
 
-    half-width = DISTANCES |q - q_wide| + ulp(q)
+    half-width = HALF_WIDTH_FACTOR |q - q_wide| + ulp(q)
 
 Where the two runs have parted, the wider run must agree with one that is wider still. The formula
 is derived in docs/error_budgets.md.
@@ -22,10 +22,10 @@ import numpy
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
 from tippedisk_verify.model.arrays import doubles, half_widths
 from tippedisk_verify.model.equations import field, shifted
-from tippedisk_verify.model.measured import DISTANCES
+from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 
-__all__ = ["compared"]
+__all__ = ["half_widths_from_wider_run"]
 
 #: The tolerance of the wider run, in units of its arithmetic's round-off. heyoka's tolerance is
 #: absolute for states below 1, and the truncation of small states would otherwise far exceed their
@@ -41,7 +41,7 @@ _MAX_PROPORTIONAL_DISTANCE = 2.0**-6
 _MIN_RATE_IN_ROUNDINGS = 2**20
 
 
-def compared(engine: Engine, request: Request, result: Result) -> Result:
+def half_widths_from_wider_run(engine: Engine, request: Request, result: Result) -> Result:
     """Return the result of a run with half-widths, measured by runs of the same request in a wider
     arithmetic of at least 48 bits more.
 
@@ -99,7 +99,7 @@ def _half_widths(
 
     def widths(values: Any, truths: Any) -> Any:
         exact = wider.array(values.ravel().tolist()).reshape(values.shape)
-        bound = abs(exact - truths) * DISTANCES + abs(exact) * ulp
+        bound = abs(exact - truths) * HALF_WIDTH_FACTOR + abs(exact) * ulp
         return doubles(bound) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any) -> float:

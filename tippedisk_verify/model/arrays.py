@@ -15,7 +15,7 @@ from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "OnArrays", "doubles", "half_widths", "numbers", "workable"]
+__all__ = ["Array", "ArrayFunction", "doubles", "half_widths", "numbers", "numpy_safe"]
 
 Array = NDArray[numpy.float64]
 
@@ -74,7 +74,7 @@ def half_widths(values: Any) -> Array:
     return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
 
 
-def workable(values: Any) -> Any:
+def numpy_safe(values: Any) -> Any:
     """Convert an array that NumPy's functions cannot handle to an array of objects.
 
     Arrays of doubles or extended numbers and None are returned unchanged. Most functions of NumPy
@@ -91,7 +91,7 @@ def workable(values: Any) -> Any:
 
 
 @undisturbed_methods
-class OnArrays:
+class ArrayFunction:
     """The vector field of a disk, or its Jacobian, as a function ``f(t, y)`` in doubles that can be
     pickled.
 
@@ -132,4 +132,4 @@ class OnArrays:
         return numpy.array(self._function(beta, gamma, v))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return OnArrays, self._of
+        return ArrayFunction, self._of

@@ -1,6 +1,6 @@
 """A number with its half-width: its arithmetic, comparison, and the digits that are printed.
 
-The half-width still holds the truth after numbers are printed, compared or combined. `DISTANCES` is
+The half-width still holds the truth after numbers are printed, compared or combined. `HALF_WIDTH_FACTOR` is
 the factor from a distance between two runs to a half-width.
 """
 
@@ -25,12 +25,12 @@ from tippedisk_verify.model.decimals import (
 )
 from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
 
-__all__ = ["DISTANCES", "Bounded", "HalfWidth", "Measured"]
+__all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 
 #: A half-width in units of the distance to a sharper run. It holds the truth if the error of that
 #: run is at most half as large:
 #: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
-DISTANCES = 2
+HALF_WIDTH_FACTOR = 2
 
 _MAX_POWER = 1000  # the largest power that is computed by multiplication
 _MAX_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
@@ -388,7 +388,7 @@ class Measured(Bounded):
     def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
         """Return a value with a half-width from its distance to a run with more digits.
 
-        The half-width is twice that distance (`DISTANCES`) plus one ulp of the value.
+        The half-width is twice that distance (`HALF_WIDTH_FACTOR`) plus one ulp of the value.
 
         Args:
             value: The value of the run.
@@ -396,7 +396,7 @@ class Measured(Bounded):
             epsilon: The relative size of an ulp.
         """
         mine = fraction(value)
-        return cls(mine, abs(mine - fraction(sharper)) * DISTANCES + abs(mine) * epsilon)
+        return cls(mine, abs(mine - fraction(sharper)) * HALF_WIDTH_FACTOR + abs(mine) * epsilon)
 
     @property
     def is_measured(self) -> bool:

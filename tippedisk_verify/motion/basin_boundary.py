@@ -31,7 +31,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.motion.basins import SPEEDS_OF_STATES
+from tippedisk_verify.motion.basins import MAX_ABS_V
 
 __all__ = ["BasinBoundary"]
 
@@ -92,10 +92,9 @@ class BasinBoundary(Printable):
         beta, gamma, v = DOUBLE.array(state).tolist()
         if not 0 < beta < math.pi:
             raise InputError(f"beta lies between 0 and pi, not at {beta:g}")
-        if not abs(v) <= SPEEDS_OF_STATES:
+        if not abs(v) <= MAX_ABS_V:
             raise InputError(
-                f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} "
-                f"rad/s, not {v:g}"
+                f"v must lie between -{MAX_ABS_V:g} and {MAX_ABS_V:g} rad/s, not {v:g}"
             )
         lower, upper = self.sheets(gamma, v)
         lean = Measured(Fraction(beta), Fraction(0))

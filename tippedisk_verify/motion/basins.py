@@ -37,7 +37,7 @@ from tippedisk_verify.motion.scenes import from_inverted
 from tippedisk_verify.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
-__all__ = ["OUTCOMES", "SPEEDS_OF_STATES", "Basins", "basins", "classified_lanes"]
+__all__ = ["MAX_ABS_V", "OUTCOMES", "Basins", "basins", "outcomes_of"]
 
 OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
@@ -50,7 +50,7 @@ _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
 _TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TOP.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
-SPEEDS_OF_STATES = 1000.0  # rad/s; the largest |v| of a state
+MAX_ABS_V = 1000.0  # rad/s; the largest |v| of a state
 
 _NamedState = tuple[str, Sequence[float]]  # event and state
 
@@ -151,10 +151,8 @@ def basins(
             f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, "
             f"not {duration:g}"
         )
-    if not abs(v) <= SPEEDS_OF_STATES:
-        raise InputError(
-            f"v must lie between -{SPEEDS_OF_STATES:g} and {SPEEDS_OF_STATES:g} rad/s, not {v:g}"
-        )
+    if not abs(v) <= MAX_ABS_V:
+        raise InputError(f"v must lie between -{MAX_ABS_V:g} and {MAX_ABS_V:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
     columns = max(1, math.ceil(math.sqrt(2 * known_count)))  # gamma's range is twice beta's
@@ -165,7 +163,7 @@ def basins(
     gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
     states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
     classify = partial(
-        classified_lanes,
+        outcomes_of,
         parameters=parameters,
         omega=speed,
         duration=duration,
@@ -247,7 +245,7 @@ def _closer(before: float, after: float, cycle: float) -> bool:
     return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
 
 
-def classified_lanes(
+def outcomes_of(
     states: Any, parameters: Parameters, omega: Fraction, duration: float, attractors: Attractors
 ) -> Any:
     """Integrate one portion of initial states and return their outcomes, as indices into

@@ -1,5 +1,5 @@
-"""The request of `Disk.integrate`: defaults, named events and notes; and the solution from its
-result.
+"""The request of `Disk.integrate`, with its defaults and named events; and the solution from its
+result, with notes on units and half-widths.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
+    BETA_EXTREME,
     MAX_STEPS,
     SECTION,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
-    TURN,
     Engine,
     ErrorEstimate,
     Event,
@@ -29,7 +29,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.flow.system import by_constants
-from tippedisk_verify.model.arrays import doubles, half_widths, workable
+from tippedisk_verify.model.arrays import doubles, half_widths, numpy_safe
 from tippedisk_verify.model.exact import Exact, entries, exact, shown
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
@@ -58,7 +58,7 @@ _VARIABLES: dict[str, tuple[str, ...]] = {
 #: The named events: each crossing is recorded, and the run goes on.
 EVENTS = {
     name: replace(event, terminal=False)
-    for name, event in (("section", SECTION), ("turn", TURN), ("surface", SLIDING_REVERSAL))
+    for name, event in (("section", SECTION), ("turn", BETA_EXTREME), ("surface", SLIDING_REVERSAL))
 }
 
 
@@ -189,7 +189,7 @@ def _solution(
         """Return a copy of an event's record, with its time counted from time 0 in place of the
         start.
         """
-        record = replace(record, state=workable(record.state))
+        record = replace(record, state=numpy_safe(record.state))
         if start == exact(0):
             return record
         time = precision.number(start + record.time)
@@ -236,8 +236,8 @@ def _solution(
     return Solution(
         disk=request.parameters,
         omega=request.omega,
-        t=workable(times),
-        y=workable(samples.T),
+        t=numpy_safe(times),
+        y=numpy_safe(samples.T),
         uncertainty=half_widths(uncertainty.T),
         status=result.status,
         end=last,
@@ -289,7 +289,7 @@ def _derivatives(
             + k * float(precision.epsilon) * doubles(abs(term))
             for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
         )
-        return workable(sum(terms[1:], terms[0])), width
+        return numpy_safe(sum(terms[1:], terms[0])), width
 
     found = {}
     if result.derivatives is not None:

@@ -1,4 +1,4 @@
-"""`Solution.save` and `tv.load`: solutions in files, and the reading of every saved result."""
+"""`Solution.save` and `tv.load`: saved results (JSON, not tables)."""
 
 from __future__ import annotations
 

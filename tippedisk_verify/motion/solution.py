@@ -19,7 +19,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
-from tippedisk_verify.model.arrays import doubles, workable
+from tippedisk_verify.model.arrays import doubles, numpy_safe
 from tippedisk_verify.model.exact import Exact, entries, exact
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -116,7 +116,7 @@ class Solution(Printable):
     def t_events(self) -> list[Any]:
         """The times (k,) [s] of the crossings of each requested event."""
         return [
-            workable(numpy.array([record.time for record in self._of(name)]))
+            numpy_safe(numpy.array([record.time for record in self._of(name)]))
             for name in self._watched
         ]
 
@@ -124,7 +124,7 @@ class Solution(Printable):
     def y_events(self) -> list[Any]:
         """The states (k, 3) at the crossings of each requested event."""
         return [
-            workable(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3))
+            numpy_safe(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3))
             for name in self._watched
         ]
 
@@ -174,7 +174,7 @@ class Solution(Printable):
             states = engine(wanted).samples.T[:, places]
         else:
             states = self._dense(request.precision.array(times)).T
-        states = workable(states)
+        states = numpy_safe(states)
         return states if numpy.ndim(t) else states[:, 0]
 
     def plot(self, axes: Any = None) -> Any:

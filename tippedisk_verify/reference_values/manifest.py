@@ -20,8 +20,8 @@ from tippedisk_verify.provenance import digest
 
 __all__ = [
     "FILES",
-    "LARGEST",
     "MANIFEST",
+    "MAX_FILE_BYTES",
     "STATIC",
     "VALUES",
     "data_folder",
@@ -44,7 +44,7 @@ STATIC = (
 )
 FILES = (*VALUES, *STATIC)  #: all files with a hash in the manifest
 MANIFEST = "manifest.json"
-LARGEST = 64_000_000  #: bytes that a file may have; the largest has about ten million
+MAX_FILE_BYTES = 64_000_000  #: bytes that a file may have; the largest has about ten million
 _MAX_MANIFEST = 1_000_000  # bytes
 
 
@@ -149,10 +149,10 @@ def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
         raise ValueError(f"{name} is missing")
     try:
         if path.is_file():
-            content = read_bytes(path, LARGEST)
+            content = read_bytes(path, MAX_FILE_BYTES)
         else:
             with gzip.open(packed) as stream:
-                content = stream.read(LARGEST + 1)
+                content = stream.read(MAX_FILE_BYTES + 1)
     except (OSError, EOFError, zlib.error, InputError):
         raise ValueError(f"{name} has been changed") from None
     # A run that makes new values first writes the hash that each file is going to have

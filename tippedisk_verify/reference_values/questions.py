@@ -1,4 +1,5 @@
-"""The question of a reference value, the error allowed, and the row of values.csv.
+"""The columns of answer sheets and of values.csv, the digits required at each level, and the scale of
+an error.
 
 The row holds everything that grading takes from the data, so a program in any language can grade a
 sheet from this one table.
@@ -15,11 +16,11 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import ReferenceValue, is_optional
 
 __all__ = [
-    "COLUMNS",
-    "FAILS_BELOW",
+    "ALLOWED_INPUT_CHANGE",
+    "DIGITS_REQUIRED",
+    "QUESTION_COLUMNS",
     "ROUNDING",
-    "TABLE",
-    "TOLERANCES",
+    "VALUES_COLUMNS",
     "needed",
     "placed",
     "question_fields",
@@ -29,7 +30,7 @@ __all__ = [
 ]
 
 _INPUTS = ("Omega", "beta", "gamma", "v")
-COLUMNS = (
+QUESTION_COLUMNS = (
     "id",
     "level",
     "kind",
@@ -49,7 +50,7 @@ COLUMNS = (
 )
 #: Correct digits that an answer must have, by level. A careful implementation in doubles passes
 #: easily; a wrong equation does not reach them by chance.
-FAILS_BELOW = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
+DIGITS_REQUIRED = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
 # Quantities that pass through zero. If they are below 1 in their unit, errors are relative to 1.
 _UNIT_SIZED = (
     "beta",
@@ -64,12 +65,12 @@ _UNIT_SIZED = (
 #: closed forms in doubles about ten thousand roundings. For integrators the equivalent change was
 #: measured at rtol = atol = 1e-12 and 1e-13, on all orbits and librating cycles of the printed set.
 #: It is at most 5.3e-11 with SciPy's LSODA and 5.0e-11 with DOP853.
-TOLERANCES = {level: 1e-12 if level < 6 else 1e-10 for level in FAILS_BELOW}
+ALLOWED_INPUT_CHANGE = {level: 1e-12 if level < 6 else 1e-10 for level in DIGITS_REQUIRED}
 _MIN_DIGITS = 0.3  # digits that every question requires: an error of half the value
 ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
 #: Columns of values.csv: the question, its numbers as hexadecimal doubles, the value, its grade.
-TABLE = (
-    *COLUMNS,
+VALUES_COLUMNS = (
+    *QUESTION_COLUMNS,
     *(f"{name}_hex" for name in (*SYMBOLS, *_INPUTS, "t")),
     "value_from_decimals",
     "uncertainty_from_decimals",
@@ -155,15 +156,17 @@ def slopes_of(quantity: ReferenceValue) -> Decimal:
 def needed(quantity: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 
-    It is the level's number, or less if a change of the inputs by `TOLERANCES` spoils more digits.
+    It is the level's number, or less if a change of the inputs by `ALLOWED_INPUT_CHANGE` spoils more digits.
     If doubles cannot tell the inputs apart, only programs with more digits are asked, and they need
     the level's number.
     """
-    digits = float(FAILS_BELOW[quantity.level])
+    digits = float(DIGITS_REQUIRED[quantity.level])
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
     condition = float(slopes_of(quantity) / scale) if scale else 0.0
     if "doubles" in quantity.values and condition:
-        digits = max(min(digits, -math.log10(condition * TOLERANCES[quantity.level])), _MIN_DIGITS)
+        digits = max(
+            min(digits, -math.log10(condition * ALLOWED_INPUT_CHANGE[quantity.level])), _MIN_DIGITS
+        )
     return round(digits, 3)  # the same on every processor
 
 
@@ -192,4 +195,4 @@ def table_row(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[s
         "methods": " ".join(map("=".join, quantity.methods.items())),
         "condition": " ".join(map("=".join, quantity.condition.items())),
     }
-    return {name: row.get(name, "") for name in TABLE}
+    return {name: row.get(name, "") for name in VALUES_COLUMNS}

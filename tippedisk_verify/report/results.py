@@ -33,14 +33,14 @@ def shown(value: Measured | str) -> str:
     return text if width == "0" else f"{float(text):.12g}"
 
 
-def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any]:
+def claim_json(claim: Claim, finding: Finding, job: AuditJob) -> dict[str, Any]:
     """Return a claim and its outcome as one entry of ``claims`` in results.json, with the values
     for all audited sets.
 
     Args:
         claim: The claim.
         finding: Its outcome.
-        order: The audit that it belongs to.
+        job: The audit that it belongs to.
     """
     by_set = as_json(finding.computed)
     agreed = {
@@ -49,7 +49,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         if isinstance(value, dict)
         and (digits := agreed_digits(value["value"], claim.printed)) is not None
     }
-    proof = proof_of(claim, finding, sets_with(order.parameters))
+    proof = proof_of(claim, finding, sets_with(job.parameters))
     return {
         "name": claim.name,
         "group": group_of(claim.name),
@@ -59,7 +59,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "formula": claim.formula,
         "unit": claim.unit,
         "printed": claim.printed,
-        "computed": by_set.get(order.parameters.name),
+        "computed": by_set.get(job.parameters.name),
         "computed_by_set": by_set,
         "agreed_digits": {name: mine for name, (mine, _) in agreed.items()},
         "printed_digits": next((whole for _, whole in agreed.values()), None),
@@ -72,7 +72,7 @@ def claim_json(claim: Claim, finding: Finding, order: AuditJob) -> dict[str, Any
         "grade": "computed" if proof is None else proof.grade,
         "proof": None if proof is None else proof.to_dict(),
         "own_check": claim.own_check,
-        "command": f"{_command(order)} --only {claim.name}",
+        "command": f"{_command(job)} --only {claim.name}",
     }
 
 
@@ -109,12 +109,12 @@ def _fault_json(claim: Claim, finding: Finding) -> dict[str, str | None]:
     return dict(zip(("class", "cause", "instead"), values, strict=True))
 
 
-def _command(order: AuditJob) -> str:
+def _command(job: AuditJob) -> str:
     parts = ["tippedisk-verify verify"]
     for option, value, usual in (
-        ("parameters", order.parameters.name, "table1"),
-        ("friction", order.parameters.law.name, "linear"),
-        ("digits", str(order.digits), "12"),
+        ("parameters", job.parameters.name, "table1"),
+        ("friction", job.parameters.law.name, "linear"),
+        ("digits", str(job.digits), "12"),
     ):
         if value != usual:
             parts.append(f"--{option} {quote(value)}")
@@ -139,8 +139,8 @@ def summary(findings: Findings) -> dict[str, Any]:
             alike.setdefault(
                 (fault.kind, fault.cause if fault.kind == "follows-from" else None), []
             ).append(claim.name)
-    order = list(get_args(FaultKind))
-    faults = sorted(alike.items(), key=lambda entry: order.index(entry[0][0]))
+    job = list(get_args(FaultKind))
+    faults = sorted(alike.items(), key=lambda entry: job.index(entry[0][0]))
     return {
         "claims": len(findings),
         **counts,
@@ -181,7 +181,7 @@ def _counted_fault(fault: dict[str, Any]) -> str:
 
 
 def results_json(
-    order: AuditJob,
+    job: AuditJob,
     findings: Findings,
     figures: Sequence[dict[str, Any]] = (),
     run: dict[str, Any] | None = None,
@@ -189,7 +189,7 @@ def results_json(
     """Return the content of results.json, all results of an audit, as plain data.
 
     Args:
-        order: The audit.
+        job: The audit.
         findings: The claims with their findings.
         figures: The figures, as `figures.exhibit.drawn` returns them.
         run: Facts about this run alone, as `run_facts` returns them. On one
@@ -198,22 +198,22 @@ def results_json(
     """
     from dataclasses import fields
 
-    parameters = order.parameters
+    parameters = job.parameters
     facts: dict[str, Any] = {}
     for figure in figures:
         facts |= figure["facts"]
     decimals = parameters.decimals()
     return {
-        "claims": [claim_json(claim, finding, order) for claim, finding in findings],
+        "claims": [claim_json(claim, finding, job) for claim, finding in findings],
         "summary": summary(findings),
         "sets": list(sets_with(parameters)),
         "parameters": {"name": parameters.name, **decimals},
         "units": {
             item.name: item.metadata["unit"] for item in fields(Parameters) if item.name in decimals
         },
-        "friction": order.parameters.friction,
-        "digits": order.digits,
-        "command": _command(order),
+        "friction": job.parameters.friction,
+        "digits": job.digits,
+        "command": _command(job),
         "figures": [figure["entry"] for figure in figures],
         **facts,
         "provenance": _provenance(),

@@ -51,47 +51,47 @@ class AuditRecords:
     kept: frozenset[Task]  #: the tasks whose results were reused from an earlier run
 
 
-def tasks_for(order: AuditJob, *, figures: bool) -> tuple[Task, ...]:
+def tasks_for(job: AuditJob, *, figures: bool) -> tuple[Task, ...]:
     """Return the tasks of an audit, one for each claim, figure and formula.
 
     Args:
-        order: The audit.
+        job: The audit.
         figures: True to include the figures of the audit's claims, and the formulas.
     """
-    tasks = [Task("claim", name) for name in order.claims]
+    tasks = [Task("claim", name) for name in job.claims]
     if figures:
         from tippedisk_verify.figures.catalogue import exhibits_for
 
-        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(order.claims)]
+        tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(job.claims)]
         tasks.append(Task("formulas", "formulas"))
     return tuple(tasks)
 
 
-def key(order: AuditJob, task: Task) -> str:
+def key(job: AuditJob, task: Task) -> str:
     """Return the cache key of a task: a hash of everything that its result depends on."""
     inputs: dict[str, Any] = {
         "task": asdict(task),
         "parameters": {
-            item.name: str(getattr(order.parameters, item.name))
+            item.name: str(getattr(job.parameters, item.name))
             for item in fields(Parameters)
             if item.init
         },
-        "digits": order.digits,
+        "digits": job.digits,
     }
     if task.kind == "claim":
         return fingerprint(inputs)
     if task.kind == "formulas":
-        return fingerprint({"latex": _formulas(order)}, DRAWING)
+        return fingerprint({"latex": _formulas(job)}, DRAWING)
     packages = (*DRAWING, *_exhibit(task.name).packages)
-    return fingerprint(inputs | {"claims": _of_figure(order, task.name)}, packages)
+    return fingerprint(inputs | {"claims": _of_figure(job, task.name)}, packages)
 
 
-def _formulas(order: AuditJob) -> list[str]:
-    return [claim.formula for claim in selected(order.claims) if claim.formula]
+def _formulas(job: AuditJob) -> list[str]:
+    return [claim.formula for claim in selected(job.claims) if claim.formula]
 
 
-def _of_figure(order: AuditJob, name: str) -> list[str]:
-    return [claim for claim in order.claims if claim in claims_drawn_in(name)]
+def _of_figure(job: AuditJob, name: str) -> list[str]:
+    return [claim for claim in job.claims if claim in claims_drawn_in(name)]
 
 
 def _exhibit(name: str) -> Any:
@@ -114,23 +114,23 @@ def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
     return Audit(parameters, Taylor(compact=True), digits)
 
 
-def run_task(order: AuditJob, task: Task) -> Any:
+def run_task(job: AuditJob, task: Task) -> Any:
     """Compute one task of an audit and return its result as plain data."""
     if task.kind == "formulas":
         from tippedisk_verify.figures.formula import formulas_drawn
 
-        return formulas_drawn(_formulas(order))
-    audit = _audit(order.parameters, order.parameters.name, order.digits)
+        return formulas_drawn(_formulas(job))
+    audit = _audit(job.parameters, job.parameters.name, job.digits)
     if task.kind == "claim":
         (claim,) = selected([task.name])
         return examined(audit, claim).record()
     from tippedisk_verify.figures.exhibit import drawn
 
-    return drawn(_exhibit(task.name), audit, _of_figure(order, task.name))
+    return drawn(_exhibit(task.name), audit, _of_figure(job, task.name))
 
 
 def run(
-    order: AuditJob,
+    job: AuditJob,
     tasks: Sequence[Task],
     cache: Cache,
     pool: Callable[[int], AbstractContextManager[Executor | None]],
@@ -139,7 +139,7 @@ def run(
     """Compute all tasks of an audit, or reuse their earlier results.
 
     Args:
-        order: The audit.
+        job: The audit.
         tasks: The tasks.
         cache: The store of earlier results.
         pool: A function that makes an executor for a number of tasks, or None to use this process
@@ -147,7 +147,7 @@ def run(
         advance: A function that is called with a label and a number of finished tasks.
     """
     records: dict[Task, Any] = {}
-    keys = {task: key(order, task) for task in tasks}
+    keys = {task: key(job, task) for task in tasks}
     for task in tasks:
         record = cache.get(keys[task])
         if record is not None:
@@ -164,16 +164,16 @@ def run(
     heavy = [task for task in ahead if task not in alone and not _is_cheap(task)]
     light = [task for task in ahead if _is_cheap(task)]
     if len(heavy) <= _MAX_TASKS_HERE:
-        _compute_in_this_process(order, [*light, *heavy, *alone], keep, advance)
+        _compute_in_this_process(job, [*light, *heavy, *alone], keep, advance)
     else:
         heavy.sort(key=_cost, reverse=True)  # so that the tasks started last are short
         with pool(len(heavy)) as executor:
             if executor is None:
-                _compute_in_this_process(order, [*light, *heavy, *alone], keep, advance)
+                _compute_in_this_process(job, [*light, *heavy, *alone], keep, advance)
             else:
-                _compute_on_executor(order, heavy, light, executor, keep, advance)
+                _compute_on_executor(job, heavy, light, executor, keep, advance)
                 # Measurements of run time must not share the machine with other tasks.
-                _compute_on_executor(order, alone, [], executor, keep, advance)
+                _compute_on_executor(job, alone, [], executor, keep, advance)
     if ahead:
         cache.remove_unused()
     return AuditRecords(records, kept)
@@ -195,19 +195,19 @@ def _cost(task: Task) -> float:
 
 
 def _compute_in_this_process(
-    order: AuditJob,
+    job: AuditJob,
     tasks: Sequence[Task],
     keep: Callable[[Task, Any], None],
     advance: Callable[[str, int], None],
 ) -> None:
     for task in tasks:
         advance(task.name, 0)
-        keep(task, run_task(order, task))
+        keep(task, run_task(job, task))
         advance(task.name, 1)
 
 
 def _compute_on_executor(
-    order: AuditJob,
+    job: AuditJob,
     heavy: Sequence[Task],
     light: Sequence[Task],
     executor: Executor,
@@ -221,8 +221,8 @@ def _compute_on_executor(
     """
     waiting: dict[Future[Any], Task] = {}
     try:
-        waiting |= {executor.submit(run_task, order, task): task for task in heavy}
-        _compute_in_this_process(order, light, keep, advance)
+        waiting |= {executor.submit(run_task, job, task): task for task in heavy}
+        _compute_in_this_process(job, light, keep, advance)
         while waiting:
             advance(
                 ", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0
@@ -235,6 +235,4 @@ def _compute_on_executor(
                 advance(task.name, 1)
     except BrokenExecutor:  # a process was killed, perhaps for lack of memory: do the rest here
         done_here = set(waiting.values())
-        _compute_in_this_process(
-            order, [task for task in heavy if task in done_here], keep, advance
-        )
+        _compute_in_this_process(job, [task for task in heavy if task in done_here], keep, advance)

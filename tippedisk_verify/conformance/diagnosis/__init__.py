@@ -7,7 +7,7 @@ M a - F = 0 are linear in such changes.
 - `dictionary` has the right equations, and what people write in place of their parts.
 - `regression` finds the fewest changes that give the answers.
 - `levels` has the quantities of levels 1 to 5, to which the regression is applied.
-- `relations` predicts wrong answers from right ones.
+- `find_relations` predicts wrong answers from right ones.
 - `step_methods` has fixed-step integrators.
 
 This module applies them in turn, level by level, and separates mistakes from their consequences.
@@ -73,11 +73,11 @@ _ALL_OR_NOTHING_KINDS = (
     "equilibrium",
     "slow-manifold",
 )  #: kinds explained completely, or not at all
-Posed = Sequence[tuple[Table, RegressionProblem]]
+PosedProblems = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
-Made = dict[Change, frozenset[str]]
+ChangesByLaw = dict[Change, frozenset[str]]
 #: The changes under one friction law, and all changes from which they were taken
-Reading = tuple[list[Change], Made]
+CandidateChanges = tuple[list[Change], ChangesByLaw]
 
 
 @dataclass(frozen=True)
@@ -160,7 +160,7 @@ class Diagnosis:
         }
 
 
-class _Sheet:
+class _LevelwiseDiagnosis:
     """The diagnosis of one sheet of answers: the mistakes found so far, and the answers that they
     explain.
 
@@ -178,7 +178,7 @@ class _Sheet:
         levels = {table.level for table in tables}
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_BUDGET)
-        self.changes: Made = {}
+        self.changes: ChangesByLaw = {}
         self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
 
     def level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
@@ -194,19 +194,19 @@ class _Sheet:
         """
         tables = [table for table in self.tables if table.level == level]
         numbers, earlier, self.causes = _left(tables), dict(self.changes), []
-        self.consequences(tables)
+        self.find_consequences(tables)
         follows = numbers - _left(tables)
-        with self.together(tables, whole=True):
-            self.relations(tables)
+        with self.all_or_nothing(tables, whole=True):
+            self.find_relations(tables)
         for later in (False, True):
             held = [table.unexplained & (table.explained_last != later) for table in tables]
             for table, mask in zip(tables, held, strict=True):
                 table.unexplained[mask] = False
-            self.explained(tables)
+            self.explain(tables)
             for table, mask in zip(tables, held, strict=True):
                 table.unexplained[mask] = True
-            self.consequences(tables)
-            self.lost(tables if level <= _FORMULAS else ())
+            self.find_consequences(tables)
+            self.find_lost_digits(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
             self.causes += [("method", says)] if (says := recognised_method(table)) else []
         named = [
@@ -235,7 +235,7 @@ class _Sheet:
             may_follow,
         )
 
-    def explained(self, tables: Sequence[Table]) -> None:
+    def explain(self, tables: Sequence[Table]) -> None:
         """Look for mistakes that explain a level's wrong answers: changes of the equations, then
         simple relations to right values.
 
@@ -246,14 +246,14 @@ class _Sheet:
             tables: The tables of the level.
         """
         for some in [tables] if tables and tables[0].level == 1 else [[one] for one in tables]:
-            with self.together(some):
-                self.equations(some)
+            with self.all_or_nothing(some):
+                self.search_equations(some)
         for mended in {bool(self.changes), False}:
-            with self.together(tables):
-                self.relations(tables, mended)
+            with self.all_or_nothing(tables):
+                self.find_relations(tables, mended)
 
     @contextmanager
-    def together(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
+    def all_or_nothing(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
         """Undo what the body of a with statement found if it explained only a part of answers that
         belong together.
 
@@ -323,7 +323,7 @@ class _Sheet:
         values = base_of(self.program(table.friction, some).definitions, table)
         return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
-    def consequences(self, tables: Sequence[Table]) -> None:
+    def find_consequences(self, tables: Sequence[Table]) -> None:
         """Mark those wrong answers in tables as explained that follow from the mistakes known so
         far.
         """
@@ -352,7 +352,7 @@ class _Sheet:
                 table.unexplained[mine] = not fits[mine].all()
 
     # ---- changes of the equations
-    def equations(self, tables: Sequence[Table]) -> None:
+    def search_equations(self, tables: Sequence[Table]) -> None:
         """Search for mistakes in the equations that explain wrong answers, one quantity at a time.
 
         The order is that of the equations. The changes found are kept on this object. The answers
@@ -361,7 +361,7 @@ class _Sheet:
         Args:
             tables: The tables of the answers.
         """
-        posed = self.posed(tables) if _left(tables) else []
+        posed = self.posed_problems(tables) if _left(tables) else []
         for n in range(len(posed)):
             table, problem = posed[n]
             mine = table.unexplained & (table.names == problem.name)
@@ -372,12 +372,12 @@ class _Sheet:
             )
             if mine.any() or inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
-                table.unexplained[mine] = not self.adopted(table, problem, posed)
+                table.unexplained[mine] = not self.adopt_changes(table, problem, posed)
                 if table.kind == "slow-manifold":  # each order is computed from the lower ones
-                    posed = self.posed(tables)
-        self.consequences(tables)
+                    posed = self.posed_problems(tables)
+        self.find_consequences(tables)
 
-    def posed(self, tables: Sequence[Table]) -> list[tuple[Table, RegressionProblem]]:
+    def posed_problems(self, tables: Sequence[Table]) -> list[tuple[Table, RegressionProblem]]:
         """Return the quantities of tables whose answers can be searched for mistakes in the
         equations, as pairs of a table and a problem.
 
@@ -392,7 +392,7 @@ class _Sheet:
                 found += [(table, one) for one in problems(table, base_of(definitions, table))]
         return found
 
-    def adopted(self, table: Table, problem: RegressionProblem, posed: Posed) -> bool:
+    def adopt_changes(self, table: Table, problem: RegressionProblem, posed: PosedProblems) -> bool:
         """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
         them as known.
 
@@ -434,7 +434,7 @@ class _Sheet:
         return True
 
     def behind_right_answers(
-        self, law: str, some: Sequence[Change], posed: Posed
+        self, law: str, some: Sequence[Change], posed: PosedProblems
     ) -> frozenset[str]:
         """Return the names of the definitions that need no change: those from which a program with
         some mistakes computes quantities as they were answered.
@@ -452,7 +452,9 @@ class _Sheet:
         return names
 
     @np.errstate(all="ignore")
-    def alternatives(self, law: str, problem: RegressionProblem, posed: Posed) -> list[Reading]:
+    def alternatives(
+        self, law: str, problem: RegressionProblem, posed: PosedProblems
+    ) -> list[CandidateChanges]:
         """Return other choices of the known mistakes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
@@ -486,7 +488,7 @@ class _Sheet:
                     found.append((some, changes))
         return found
 
-    def fits(self, changes: Made, table: Table, problem: RegressionProblem) -> bool:
+    def fits(self, changes: ChangesByLaw, table: Table, problem: RegressionProblem) -> bool:
         """Return True if a program with some mistakes gives all answers to a quantity.
 
         Args:
@@ -499,7 +501,7 @@ class _Sheet:
         return problem.fits(self.program(law, _of_law(changes, law), problem.given))
 
     # ---- digits and relations
-    def lost(self, tables: Sequence[Table]) -> None:
+    def find_lost_digits(self, tables: Sequence[Table]) -> None:
         """Mark quantities as explained whose answers only lack their last digits.
 
         They are compared with a program that has all mistakes found so far. Their relative errors
@@ -534,7 +536,7 @@ class _Sheet:
         predicted = self.predicted(table, self.candidates(table.friction)[0])
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
-    def relations(self, tables: Sequence[Table], mended: bool = False) -> None:
+    def find_relations(self, tables: Sequence[Table], mended: bool = False) -> None:
         """Mark quantities as explained whose wrong answers have a simple relation to right values,
         such as the wrong sign.
 
@@ -590,7 +592,7 @@ class _Sheet:
         return change.says + (f", under the {law} law" if only else "")
 
 
-def _of_law(changes: Made, law: str) -> list[Change]:
+def _of_law(changes: ChangesByLaw, law: str) -> list[Change]:
     """Return the changes of the equations that are known under a friction law or under
     both laws.
     """
@@ -646,5 +648,5 @@ def diagnosed(
     """
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})
-    sheet = _Sheet(tables_of(grades, store) if levels else [], store, advance)
+    sheet = _LevelwiseDiagnosis(tables_of(grades, store) if levels else [], store, advance)
     return [sheet.level(level, grades) for level in levels]

@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.grading import Grade, as_decimal, scale_of
+from tippedisk_verify.conformance.answer_number import as_decimal
+from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.questions import scale_of
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
 __all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]

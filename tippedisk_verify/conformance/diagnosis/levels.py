@@ -67,7 +67,7 @@ _IDENTITIES = {
     "h_next": "drag answer - recursion",
 }
 _NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold is differentiated
-_TURN = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
+_ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
 def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values:
@@ -238,7 +238,7 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
     k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
     return np.asarray(
         np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis)
-        / (radius * _TURN.reshape(shape))
+        / (radius * _ROOTS_OF_UNITY.reshape(shape))
     )
 
 
@@ -261,7 +261,7 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
         values: The definitions with the inputs of the entries.
     """
     radius = radius_of(values)
-    shifts = radius * _TURN[:, None, None], radius * _TURN[None, :, None]
+    shifts = radius * _ROOTS_OF_UNITY[:, None, None], radius * _ROOTS_OF_UNITY[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     base = values.with_inputs(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]

@@ -1,4 +1,5 @@
-"""The format of certificates: JSON objects of fixed shapes, with exact numbers as texts."""
+"""The parts of a certificate and their reading: JSON objects of fixed shapes, with exact numbers as
+texts."""
 
 from __future__ import annotations
 

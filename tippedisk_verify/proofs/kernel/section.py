@@ -1,6 +1,6 @@
 """Proved Poincare maps of two sections: from a section along the flow to the first crossing.
 
-The half map (`HALF`)
+The half map (`LIBRATING_SECTION`)
 ---------------------
 It goes from beta = pi/2, v < 0 to the next crossing, v > 0, and back by S, which is x -> -x in
 shifted angles. For every step one of these cases is shown, from its enclosure and the balls at its
@@ -14,7 +14,7 @@ ends:
 
 A path that falls, turns once and rises has beta_bar < 0 between the two sections.
 
-The turn map (`TURN`)
+The turn map (`ROTATING_SECTION`)
 ---------------------
 It goes from gamma_bar = 0 to gamma_bar = 2 pi. As long as 0 < beta_bar < pi/2, the rate
 gamma' = Omega sin(beta_bar) is positive. An orbit for which this is shown passes gamma_bar = 2 pi
@@ -40,7 +40,14 @@ from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
-__all__ = ["BELOW_HALF_PI", "HALF", "TURN", "PoincareSection", "Return", "return_map"]
+__all__ = [
+    "BELOW_HALF_PI",
+    "LIBRATING_SECTION",
+    "ROTATING_SECTION",
+    "PoincareSection",
+    "Return",
+    "return_map",
+]
 
 #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 BELOW_HALF_PI = 1.5706999
@@ -76,7 +83,7 @@ class PoincareSection(NamedTuple):
         return state
 
 
-HALF, TURN = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
+LIBRATING_SECTION, ROTATING_SECTION = PoincareSection(0, 1, 2), PoincareSection(1, 0, 1)
 
 
 @dataclass(frozen=True)
@@ -127,7 +134,7 @@ def return_map(
     """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
-    if section == HALF and not negative(converted_like(path.time, box[1])):
+    if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
         return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         length: Any = None
@@ -219,8 +226,8 @@ class PoincareMap:
         beta_end, gamma_end, v_end = step.at_end()
         one_law = not isinstance(step, Crossing)
         upright = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
-        if self.section == TURN:
-            ahead, upright = gamma_end - TURN.level(), upright and positive(beta)
+        if self.section == ROTATING_SECTION:
+            ahead, upright = gamma_end - ROTATING_SECTION.level(), upright and positive(beta)
             if negative(ahead):
                 return upright, SectionCase.ON
             crosses = positive(ahead) and positive(rates[1]) and one_law
@@ -266,7 +273,7 @@ class PoincareMap:
         Returns None if they cannot be enclosed.
         """
         model, zero, level = self.path.model, self.section.zero, self.section.level()
-        if self.section == TURN:
+        if self.section == ROTATING_SECTION:
             speed = model.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]

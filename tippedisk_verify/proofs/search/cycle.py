@@ -26,14 +26,20 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
+from tippedisk_verify.proofs.kernel.section import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    PoincareSection,
+    Return,
+    return_map,
+)
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "CycleProof", "CycleStatus", "prove_cycle"]
+__all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
 
 
 _GUARD_DIGITS = 6  # by these the box is smaller than the requested digits
@@ -67,7 +73,7 @@ class CycleStatus(Enum):
 
 @dataclass(frozen=True, repr=False)
 class CycleProof(Proof):
-    """The proof of one limit cycle, librating (section `HALF`) or rotating (section `TURN`).
+    """The proof of one limit cycle, librating (section `LIBRATING_SECTION`) or rotating (section `ROTATING_SECTION`).
 
     The numbers have the same names as in `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
@@ -168,11 +174,11 @@ def prove_cycle(
     *,
     digits: int = 12,
     most_bits: int = 20_000,
-    section: PoincareSection = HALF,
+    section: PoincareSection = LIBRATING_SECTION,
 ) -> CycleProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
-    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `TURN`, (beta_bar, v) at gamma =
+    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `ROTATING_SECTION`, (beta_bar, v) at gamma =
     pi/2, of a few digits or more. Period, state and beta_max are enclosed to ``digits`` significant
     digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
     InputError for a guess or speed out of range. Any other failure is a status.
@@ -180,7 +186,7 @@ def prove_cycle(
     attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:
         raise InputError(
-            f"a guess has two components: {'gamma_bar' if section == HALF else 'beta_bar'} and v"
+            f"a guess has two components: {'gamma_bar' if section == LIBRATING_SECTION else 'beta_bar'} and v"
         )
     try:
         return attempt.run([exact(part) for part in guess])
@@ -204,7 +210,7 @@ class CycleAttempt:
         omega: Fraction,
         digits: int,
         most_bits: int,
-        section: PoincareSection = HALF,
+        section: PoincareSection = LIBRATING_SECTION,
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = (
             parameters,

@@ -28,12 +28,18 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.certificates import fold
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return, return_map
+from tippedisk_verify.proofs.kernel.section import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    PoincareSection,
+    Return,
+    return_map,
+)
 from tippedisk_verify.proofs.numbers import measured, widened
 from tippedisk_verify.proofs.search.certificate import Proof, claim_of
 from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
 
-__all__ = ["HALF", "TURN", "FoldProof", "prove_fold"]
+__all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
 
 _GUARD_BITS = 60
 # The arc's length has this many digits more than half the requested ones, because enclosures of
@@ -50,7 +56,7 @@ _CHORDS = 12
 class FoldProof(Proof):
     """The proof of a fold, where two limit cycles merge: an extremum of Omega along a family.
 
-    The cycles are librating (section `HALF`) or rotating (section `TURN`).
+    The cycles are librating (section `LIBRATING_SECTION`) or rotating (section `ROTATING_SECTION`).
     """
 
     _printed: ClassVar = ("extremum",)
@@ -90,7 +96,7 @@ def prove_fold(
     near: Sequence[object],
     *,
     digits: int = 12,
-    section: PoincareSection = HALF,
+    section: PoincareSection = LIBRATING_SECTION,
 ) -> FoldProof:
     """Prove a fold of limit cycles near a given point and enclose its speed to ``digits``
     significant digits.

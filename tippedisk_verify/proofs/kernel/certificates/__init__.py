@@ -1,4 +1,5 @@
-"""Certificates: their kinds, and the check that the evidence in a file proves its claim.
+"""Certificates: the version of their format, their kinds, and the check that the evidence in a file
+proves its claim.
 
 The check replays recorded choices. It never searches for any.
 """

@@ -36,7 +36,12 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection, Return
+from tippedisk_verify.proofs.kernel.section import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    PoincareSection,
+    Return,
+)
 
 __all__ = [
     "KINDS",
@@ -53,9 +58,9 @@ __all__ = [
     "verify",
 ]
 
-KINDS = {"limit cycle": HALF, "rotating limit cycle": TURN}
+KINDS = {"limit cycle": LIBRATING_SECTION, "rotating limit cycle": ROTATING_SECTION}
 #: the names of a section's coordinates
-UNKNOWNS = {HALF: ("gamma_bar_0", "v_0"), TURN: ("beta_bar_top", "v_top")}
+UNKNOWNS = {LIBRATING_SECTION: ("gamma_bar_0", "v_0"), ROTATING_SECTION: ("beta_bar_top", "v_top")}
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
@@ -70,7 +75,7 @@ def claimed_names(section: PoincareSection) -> tuple[str, ...]:
 
 
 def main_numbers(section: PoincareSection) -> tuple[str, ...]:
-    return "period", *UNKNOWNS[section], *(["beta_max"] if section == HALF else [])
+    return "period", *UNKNOWNS[section], *(["beta_max"] if section == LIBRATING_SECTION else [])
 
 
 def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
@@ -104,7 +109,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
     # nothing.
     larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
     sign: Any = 1
-    if section != HALF and not positive(trace):
+    if section != LIBRATING_SECTION and not positive(trace):
         sign = -1 if negative(trace) else arb.nan()
     slow, determinant = laps * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
@@ -126,7 +131,9 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         f"d{second}_domega": by_omega[1],
     }
     return numbers | (
-        {"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)} if section == HALF else {}
+        {"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)}
+        if section == LIBRATING_SECTION
+        else {}
     )
 
 
@@ -238,7 +245,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         )
         sliding = f", on which the sliding velocity gamma_y {changes}"
     manner = MANNERS[claim["stable"]]
-    if section == HALF:
+    if section == LIBRATING_SECTION:
         return (
             f" at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "
             "pi/2, v < 0 to the next crossing of beta = pi/2 and then by S, (beta, gamma, v) -> "

@@ -21,7 +21,11 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.section import HALF, TURN, PoincareSection
+from tippedisk_verify.proofs.kernel.section import (
+    LIBRATING_SECTION,
+    ROTATING_SECTION,
+    PoincareSection,
+)
 
 __all__ = [
     "KINDS",
@@ -36,7 +40,10 @@ __all__ = [
     "verify",
 ]
 
-KINDS = {"fold of limit cycles": HALF, "fold of rotating limit cycles": TURN}
+KINDS = {
+    "fold of limit cycles": LIBRATING_SECTION,
+    "fold of rotating limit cycles": ROTATING_SECTION,
+}
 POINTS = ("arc", "lower end", "upper end")  #: the three tests: over the whole arc, and at its ends
 EXTREMA = ("smallest", "largest")
 
@@ -164,7 +171,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     section, n = KINDS[claim["kind"]], numbers
     first, second = UNKNOWNS[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
-    if section == HALF:
+    if section == LIBRATING_SECTION:
         cycles = (
             f"for each gamma_bar = gamma - pi/2 of the closed interval {n[first]} rad {pair} the "
             f"orbit from (pi/2, "
