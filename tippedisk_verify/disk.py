@@ -250,8 +250,9 @@ class Disk(Parameters):
             t_eval: The times [s] at which the solution is wanted, strictly monotonic and within the
                 run; 201 evenly spaced ones if left out.
             digits: Significant digits of the end state.
-            rtol: The tolerance of a step, relative to states above 1 and absolute below, in doubles;
-                their rounding if left out. Half-widths hold the error that it leaves.
+            rtol: The tolerance of a step in double precision, relative for components above 1 and
+                absolute for smaller ones; the rounding of doubles if left out. The half-widths
+                include the error that it causes.
             events: Events, which end the run unless made with ``terminal=False``. The names
                 "section" (beta = pi/2), "turn" (v = 0) and "surface" (sliding velocity gamma_y = 0)
                 record the crossings.
@@ -343,7 +344,8 @@ class Disk(Parameters):
             return basins(self, omega, count=count, advance=advance, **options)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
-        """Return the boundary between starts that keep standing and starts that lie flat.
+        """Return the boundary between initial states from which the disk stays up and those from
+        which it ends up flat.
 
         Args:
             omega: The spinning speed [rad/s].

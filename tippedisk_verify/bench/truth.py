@@ -1,7 +1,7 @@
 """True solutions of the race's problems, and the numbers in which a run is compared with them.
 
-A true solution is integrated in 60 digits and compared with 80, or in quadruple precision and
-compared with 42 digits. Its inputs are doubles, taken exactly, so no method in doubles is blamed
+A true solution is computed with 60 digits and compared with a run with 80, or in quadruple
+precision and compared with a run with 42. Its inputs are doubles, taken exactly, so no method in doubles is blamed
 for rounding them.
 
 The error on a cycle
@@ -12,7 +12,7 @@ true motion last crosses the section beta = pi/2 with v < 0, one return earlier,
 largest in between. An integrator is asked for its states at these moments only, as ends of runs, so
 that no interpolation is measured.
 
-Such a state lies a little before or behind the crossing. The equations of motion take it there in a
+Such a state lies a little before or after the crossing. The equations of motion take it there in a
 time delta. Newton's method solves cos(beta(delta)) = 0, or v(delta) = 0 for the amplitude. Its first
 step is the residual divided by its rate. Later ones follow the flow with the package's integrator,
 in the arithmetic of the true solution. The true states are treated alike. Then
@@ -27,7 +27,8 @@ error of the period is known to a relative O(eta). Its size is eta times the per
 digits if it is below 1 % of T. The state at the crossing moves by O(eta delta), and its error is
 O(eta T). It is known to a relative O(delta / T); with planted errors 2.3 delta / T was the most. It
 has two digits if the phase is within 0.3 % of T. If delta is more than half the spacing of the
-sample times, the run has no error, and its status says so.
+sample times, no error is reported for the run, and its status gives the
+reason.
 """
 
 from __future__ import annotations
@@ -157,7 +158,7 @@ def numbers_of(problem: Problem, states: Sequence[Any], precision: Precision) ->
         precision: The arithmetic of the corrections along the flow.
 
     Returns:
-        All components of the states [rad, rad/s]; the return time [s], less that between the stops;
+        All components of the states [rad, rad/s]; the time of return minus the time between the stops [s];
         gamma [rad] and v [rad/s] at the section; or the largest beta [rad].
 
     Raises:

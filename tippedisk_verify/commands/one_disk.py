@@ -50,8 +50,8 @@ _STATES = ("inverted", "noninverted")
 
 
 @disk_command(
-    "Integrate one motion, with half-widths of its states and events, at 201 even times "
-    "if none are given."
+    "Integrate one motion, with half-widths of its states and events, at 201 evenly "
+    "spaced times if none are given."
 )
 @omega_option
 @below_crit_option
@@ -377,8 +377,7 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
 
 
 @disk_command(
-    "Compute what each of many initial states ends on: fractions with sampling errors, "
-    "and a picture."
+    "Find where each of many initial states ends: fractions with sampling errors, and a picture."
 )
 @omega_option
 @below_crit_option
@@ -411,7 +410,7 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
     metavar="BETA,GAMMA,V",
     help="Compute only the distance of this start from the boundary, in beta [rad].",
 )
-@click.option("--out", metavar="DIR", help="Write picture and CSV there.")
+@click.option("--out", metavar="DIR", help="Write a picture and a CSV file to this directory.")
 @jobs_option
 def basin(
     common: Common,

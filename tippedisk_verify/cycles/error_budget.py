@@ -1,11 +1,11 @@
 """The numbers of a limit cycle, and the budget of their half-widths (derived in
 docs/error_budgets.md).
 
-**Twins.** In double *twins* measure the error. Newton's iteration goes on for a few steps, each
-with the last bits of constants and speed moved. Every step is solved anew with rounding of its own.
-Its derivatives are taken at a state as far off as the solution itself. With the parameters it moves
-the numbers by the rounding of the parameters. So each number of each twin is another draw of the
-same error, and
+**Twins.** In double precision *twins* measure the error. Newton's iteration goes on for a few
+steps, each with the last bits of constants and speed moved. Each step solves the equations anew,
+with different rounding. Its derivatives are taken at a state whose error is as large as that of the
+solution. Because the parameters are moved too, the numbers also show the effect of rounding the
+parameters. So each number of each twin is another draw of the same error, and
 
     half-width = TWIN_FACTOR * spread + ulp(q).
 
@@ -17,7 +17,7 @@ arithmetic. Its error is the same one, smaller by the ratio of the roundings. Th
 measure that too.
 
 **Many bits.** With many more bits the same numbers are computed twice, in an arithmetic and in one
-with 64 bits more. The distance is the error. The wider run's own error comes from the last step of
+with 64 bits more. The distance measures the error. The wider run's own error comes from the last step of
 its iteration.
 """
 
@@ -58,9 +58,8 @@ __all__ = [
 
 C = TypeVar("C", bound=Cycle)
 
-_LOST_DIGITS = (
-    3  # digits of an arithmetic that rounding, and the factor of a half-width, mostly take
-)
+# Digits usually lost to rounding and to the factor in the half-width.
+_LOST_DIGITS = 3
 _DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
 #: The number of twins of a cycle in double, and the half-width in units of the spread. The spread
 #: is that of the twins and the cycle itself. For normal errors as large as the twins' an error
@@ -71,7 +70,7 @@ TWINS = 5
 TWIN_FACTOR = 4
 #: The number of twins for the next wider arithmetic, whose error is not among the values whose
 #: spread measures it. With the cycle in double they give the same risk: the error exceeds
-#: TWIN_FACTOR times the spread brought to its arithmetic.
+#: TWIN_FACTOR times the spread, scaled to its arithmetic.
 TWINS_OF_WIDER = 8
 #: A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle
 #: differ by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic
@@ -80,7 +79,7 @@ _SAFETY_OF_CHOICE = 2
 #: The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is
 #: at least 1/2.
 _STALLED_STEPS = 4
-#: The digits beyond those wanted in which a cycle is solved that doubles do not hold.
+#: The number of extra digits for a cycle that needs more digits than doubles have.
 MORE_DIGITS = 20
 # The number of attempts, each with twice as many extra digits. The last takes a minute.
 _MAX_WIDENINGS = 4
@@ -88,8 +87,8 @@ _MAX_WIDENINGS = 4
 # off.
 _MAX_CHORD_STEP = Fraction(1, 10)
 _MAX_NEWTON_STEPS = 20  # each doubles the digits
-# The share of the time for a cycle that is over after its first run, and the share of a run that is
-# over after its chord steps. The rest is for derivatives.
+# The share of a cycle's time that is spent on its first run, and the share of a run that is spent
+# on its chord steps. The rest is for derivatives.
 _BY_FIRST_RUN, _BY_CHORDS = 0.4, 0.6
 # The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
 _MAX_SHRINKAGE = 5
@@ -152,7 +151,8 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
         if (name := _lacking(cycle, digits)) is None:
             return cycle
     raise AccuracyError(
-        f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}"
+        f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}, "
+        f"which uses a wider arithmetic"
     )
 
 
@@ -357,9 +357,8 @@ def half_widths_by_wider_run(
     arithmetic.
 
     A half-width comes from the distance of the rough number to the sharp one, and from the sharp
-    one's own error.
-
-    The two runs show how far the other numbers move with the state.
+    one's own error. The wider iteration leaves an error in the state; how far the other numbers
+    move with the state follows from the two runs.
 
     Args:
         rough: The numbers in ``precision``.

@@ -1,9 +1,9 @@
 """The return map of a section with its derivatives, and the Newton steps that follow from them.
 
 The unknowns are the section's two coordinates and Omega. Two equations close the orbit: the map P
-returns to the start. A third equation holds the speed, the first coordinate or the flight time. Let
-r_1, r_2 be the rows of (P' - 1 | dP/dOmega), c the row of the third equation, and g the amount that
-this equation lacks. The step is
+returns to the start. A third equation holds the speed, the first coordinate or the flight time fixed.
+Let r_1, r_2 be the rows of (P' - 1 | dP/dOmega), c the row of the third equation, and g the change
+required of the fixed quantity. The step is
 
     (a r_2 x c + b c x r_1 + g r_1 x r_2) / (c . r_1 x r_2),      (a, b) = -residual.
 
@@ -57,8 +57,8 @@ class Image(NamedTuple):
         point, to first order.
 
         Args:
-            held: The quantity that the step holds.
-            lacking: The amount by which that quantity grows instead.
+            held: The quantity that the step holds fixed.
+            lacking: The change required of that quantity; 0 keeps it fixed.
 
         Returns:
             The steps of the first coordinate, the second coordinate and Omega.
@@ -77,10 +77,10 @@ class Image(NamedTuple):
         return x, y, omega
 
     def slopes(self, held: FixedQuantity) -> tuple[Any, Any, Any, Any]:
-        """Return derivatives along the family of limit cycles, with respect to the quantity that is
-        held.
+        """Return derivatives along the curve on which the residual keeps its value, with respect to
+        the quantity that is held.
 
-        They are those of the family of cycles if the start is a fixed point.
+        At a fixed point this is the family of limit cycles.
 
         Args:
             held: The quantity with respect to which to differentiate.

@@ -1,4 +1,4 @@
-"""The half-widths of a motion in doubles: end, samples, events and derivatives, from its defect.
+"""The half-widths of a motion in doubles: end, samples and events, from its defect.
 
 Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
 defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the
@@ -73,12 +73,12 @@ class _Limits(NamedTuple):
     short_step: float = 7.0
     #: For three nodes: each rate of growth times the step is below this.
     steady_step: float = 1.0
-    #: For three nodes: the last terms of the step's polynomials are below this, in parts of the
+    #: For three nodes: the last terms of the step's polynomials are below this, as a fraction of the
     #: state.
     last_term: float = 2.0**-55
     #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
-    #: Where errors grow, the smaller number of nodes decides: five nodes follow growth by e^5 to a
-    #: thirtieth.
+    #: Where errors grow, the smaller number of nodes decides: over a step in which errors grow by
+    #: e^5, five nodes are wrong by a thirtieth.
     long_step: float = 64.0
     #: The error of evaluating the defect, in carried roundings of the wider arithmetic.
     evaluation: int = 16
@@ -88,7 +88,7 @@ class _Limits(NamedTuple):
     #: The number of sweeps for the second order of an error. Each gains as many digits as the error
     #: has below 1.
     most_sweeps: int = 4
-    #: The rounding of errors that are kept in doubles, in parts of an error. At least this part of
+    #: The rounding of errors that are kept in doubles, as a fraction of an error. At least this part of
     #: a carried rounding is left.
     in_doubles: float = 2.0**-48
     #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
@@ -107,10 +107,10 @@ class _Limits(NamedTuple):
     touch: float = 1 / 64
     #: The number of places between three nodes at which an event's function is evaluated.
     finer_places: int = 65
-    #: The distance at which an extremum may lie from a place, in parts of the distance to its
+    #: The distance at which an extremum may lie from a place, as a fraction of the distance to its
     #: neighbour. The extra quarter allows for the error of the parabola.
     neighbour: float = 1.25
-    #: In parts of a carried rounding or an error: a quantity below this is of the next order.
+    #: As a fraction of a carried rounding or an error: a quantity below this is of the next order.
     next_order: float = 2.0**-10
     #: The error [rad, rad/s] from which no sweep is tried, because the first order is a poor guess.
     too_large: float = 2.0**-6
@@ -120,14 +120,14 @@ _LIMITS = _Limits()
 
 
 class Unresolved(ArithmeticError):
-    """Raised if a run's steps are too long for the collocation nodes, or too many for
-    the memory.
+    """The error of a run whose steps are too long for the collocation nodes, or too many for the
+    memory.
     """
 
 
 class NotInProportion(ArithmeticError):
-    """Raised if a first-order estimate of a run's error fails: the error is too large, or an event
-    is too close to a mere touch.
+    """The error of a run for which a first-order estimate fails: its error is too large, or an
+    event is too close to a mere touch.
     """
 
 

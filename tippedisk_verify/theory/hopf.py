@@ -12,7 +12,7 @@ at the Hopf point has
     M = m (r + e)^2 / Bbar
     f = |A33| / Omega_crit.
 
-W is the square of the cycle's frequency over Omega_crit, and f measures friction.
+W is the square of the ratio of the cycle's frequency to Omega_crit, and f measures friction.
 
 **The derivation.** The coefficients come from the invariance equation for
 
@@ -92,7 +92,9 @@ class HopfPoint(Printable):
             "c_1 of Omega = Omega_crit + c_1 a^2 + c_2 a^4, a = gamma_bar_0", "1/(rad s)"
         )
     )
-    quartic_coefficient: Measured = field(metadata=quantity("c_2 of that", "1/(rad^3 s)"))
+    quartic_coefficient: Measured = field(
+        metadata=quantity("c_2 of the same expansion", "1/(rad^3 s)")
+    )
     second_lyapunov_coefficient: Measured | None = field(
         default=None, metadata=quantity("Kuznetsov's l_2, likewise, where l_1 = 0", "SI")
     )

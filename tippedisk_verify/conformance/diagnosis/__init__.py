@@ -55,8 +55,8 @@ from tippedisk_verify.reference_values.store import Store
 __all__ = ["Diagnosis", "diagnosed"]
 
 _BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
-# An answer loses only its last digits if the relative errors of its quantity are smaller than these
-# in the median and at most. At least the third number is the share of answers that then fail.
+# A quantity only lacks its last digits if the median and the maximum of its relative errors are below
+# the first two numbers, and the share of its answers that fail is above the third.
 _LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
 _EXACT = 1e-15  # relative error up to which no digit is lost
 # The factor on the allowed error of a program on the slow manifold. It differentiates five times,
@@ -129,7 +129,7 @@ class Diagnosis:
         counts = (len(self.failed) - self.few, "wrong"), (self.few, "with too few digits only")
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if self.no_numbers:
-            text += f", {self.no_numbers} of them no finite number"
+            text += f", {self.no_numbers} of them not finite"
         if len(self.causes) > 1:
             text += "; likely causes, together: " + "; ".join(
                 f"({n}) {says}" for n, (_, says) in enumerate(self.causes, 1)
@@ -324,15 +324,13 @@ class _LevelwiseDiagnosis:
         return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
     def find_consequences(self, tables: Sequence[Table]) -> None:
-        """Mark those wrong answers in tables as explained that follow from the mistakes known so
-        far.
-        """
+        """Mark as explained the wrong answers in tables that follow from the mistakes known so far."""
         for table in tables if self.changes else ():
             for some in self.candidates(table.friction):
                 self.mark_explained(table, some)
 
     def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
-        """Mark those wrong answers in a table as explained that a program with some mistakes would
+        """Mark as explained the wrong answers in a table that a program with some mistakes would
         give.
 
         A quantity is marked if the program gives all of its unexplained answers.
@@ -502,7 +500,7 @@ class _LevelwiseDiagnosis:
 
     # ---- digits and relations
     def find_lost_digits(self, tables: Sequence[Table]) -> None:
-        """Mark quantities as explained whose answers only lack their last digits.
+        """Mark as explained the quantities whose answers lack only their last digits.
 
         They are compared with a program that has all mistakes found so far. Their relative errors
         are small, and too many of their answers fail. The number of right digits becomes a cause.
@@ -537,8 +535,8 @@ class _LevelwiseDiagnosis:
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def find_relations(self, tables: Sequence[Table], mended: bool = False) -> None:
-        """Mark quantities as explained whose wrong answers have a simple relation to right values,
-        such as the wrong sign.
+        """Mark as explained the quantities whose wrong answers have a simple relation to right
+        values, such as the wrong sign.
 
         Each relation found becomes a cause. A relation of many quantities comes before one of few.
 

@@ -3,7 +3,7 @@
 `kernel.certificates.family` explains why arcs that fit together are one curve from the Hopf point
 on, and what joins it to the cycles next to the connection.
 
-No ball becomes a point or a float here.
+All numbers stay balls here: none is replaced by its midpoint or a float.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class FamilyProof(Proof):
     def to_dict(self) -> dict[str, object]:
         """Return this proof as a dictionary for the command line: its statement, numbers and arcs.
 
-        The entry ``ends`` has two parts, one for each end of the family. Each part tells if that
+        The entry ``ends`` has two parts, one for each end of the family. Each part states whether that
         end of the range of speeds is reached and, if it is not, the reason.
         """
         hopf, share = self.hopf_closed, self.covered
