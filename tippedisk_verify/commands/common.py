@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     pass
 
 __all__ = [
-    "MOTION",
+    "MOTION_COLUMNS",
     "Common",
     "Output",
     "alone_in",
@@ -349,14 +349,14 @@ def alone_in(out: str | None) -> Path | None:
 
 # ------------------------------------------------------------------------------- motions as tables
 #: The columns of a motion: the time [s] and the state [rad, rad, rad/s].
-MOTION = ("t", "beta", "gamma", "v")
+MOTION_COLUMNS = ("t", "beta", "gamma", "v")
 
 
 def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:
     """Convert the columns of a motion's table, as data for JSON, to rows: one for each time, by
     column name.
     """
-    return [dict(zip(MOTION, row, strict=True)) for row in zip(*columns, strict=True)]
+    return [dict(zip(MOTION_COLUMNS, row, strict=True)) for row in zip(*columns, strict=True)]
 
 
 def with_width_columns(rows: Sequence[dict[str, Any]]) -> list[dict[str, str]]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import (
-    MOTION,
+    MOTION_COLUMNS,
     Common,
     alone_in,
     below_crit_option,
@@ -117,7 +117,7 @@ def integrate(
     if solution.note:
         click.echo(f"note: {solution.note}", err=True)
     entries = solution.to_dict()
-    rows = motion_rows(*(entries[name] for name in MOTION))
+    rows = motion_rows(*(entries[name] for name in MOTION_COLUMNS))
     if out is not None:
         _write_motion(
             solution, rows + [{**event, "event": event["name"]} for event in entries["events"]], out
