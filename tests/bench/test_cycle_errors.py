@@ -185,7 +185,7 @@ def test_methods_of_fixed_steps_have_their_order(method: Any, order: int, settin
     assert (score.order_points, score.order_cost) == (4, "setting")
     # The next term of the error is smaller by the largest step times the fast rate, 130 per second.
     assert abs(score.order - order) < score.order_error + 130 * problem.times[0] / 8
-    assert f"order {score.order:.2f} ± {score.order_error:.2f} by setting, 4 points" in str(race)
+    assert f"exponent {score.order:.2f} ± {score.order_error:.2f} by setting, 4 points" in str(race)
 
 
 def test_a_fit_is_linear_regression_by_the_counter_that_rises() -> None:

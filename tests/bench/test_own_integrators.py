@@ -319,7 +319,7 @@ def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:
             "import os, sys, time; os.close(1); time.sleep(0.1); sys.exit('shut')",
             "status 1 before it answered transient: shut",
         ),
-        ("input(); print('states')", "its line of JSON has no states"),
+        ("input(); print('states')", "its answer is not a line of JSON with the key states: "),
         ("""input(); print('{"states": [[1, 2, 3]]}')""", "are an array (20, 3), not (1, 3)"),
     ):
         script = tmp_path / "program.py"

@@ -40,7 +40,8 @@ class Race(Printable):
 
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
-        rows = map(_comparison, ratios(self.scores))
+        raced = any(score.family == "heyoka" for score in self.scores)
+        rows = (_comparison(row, raced) for row in ratios(self.scores))
         orders = dict.fromkeys(map(_order, self.scores))
         return "\n".join([head, *map(_line, self.scores), *filter(None, orders), *rows])
 
@@ -75,8 +76,10 @@ def _line(score: Score) -> str:
 def _order(score: Score) -> str:
     if score.order is None:
         return ""
+    # A tolerance or a step: only the user knows which, so this need not be an order.
+    name = "exponent" if score.order_cost == "setting" else "order"
     return (
-        f"{score.problem}, {score.method}: order {score.order:.2f} ± {score.order_error:.2f} by "
+        f"{score.problem}, {score.method}: {name} {score.order:.2f} ± {score.order_error:.2f} by "
         f"{score.order_cost}, {score.order_points} points"
     )
 
@@ -183,16 +186,16 @@ def _path(file: Any) -> Path:
         raise InputError(f"answers are files, not {shown(file)}") from None
 
 
-def _comparison(row: Mapping[str, Any]) -> str:
-    slower = [
-        f"{label} {row[name + '_over_heyoka']:.3g} times longer ({row[name]})"
-        for name, label in (("scipy", "SciPy"), ("peer", "the best peer"), ("own", "yours"))
-        if row[f"{name}_over_heyoka"] is not None
-    ]
-    ours = row["heyoka"] or "heyoka does not reach it"
-    return (
-        f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join([ours, *slower])}"
-    )
+def _comparison(row: Mapping[str, Any], raced: bool) -> str:
+    """Return a row of `ratios` as text; ``raced`` is True if heyoka took part."""
+    parts = [row["heyoka"] or "heyoka does not reach it"] if raced else []
+    for name, label in (("scipy", "SciPy"), ("peer", "the best peer"), ("own", "yours")):
+        over = row[f"{name}_over_heyoka"]
+        if over is not None:
+            parts.append(f"{label} {over:.3g} times longer ({row[name]})")
+        elif row[name]:
+            parts.append(f"{label}: {row[name]}")
+    return f"{row['problem']}, error at most {row['error_at_most']:.0e}: {'; '.join(parts)}"
 
 
 @contextmanager
@@ -252,5 +255,5 @@ class _Dialogue:
             return answer["states"]
         except (ValueError, KeyError, TypeError) as fault:
             raise ArithmeticError(
-                f"its line of JSON has no states: {type(fault).__name__}"
-            ) from None
+                f"its answer is not a line of JSON with the key states: {lines[0][:40]!r}"
+            ) from fault

@@ -86,7 +86,12 @@ class Problem:
             language: ``"python"`` for ``rhs(t, y)`` with ``math``'s functions. It returns a tuple,
                 and numba compiles it as it is. ``"c"`` for ``void rhs(double t, const double *y,
                 double *rates)`` with ``math.h``.
+
+        Raises:
+            InputError: If the language is another one.
         """
+        if language not in _SOURCES:
+            raise InputError(f"no source in '{shown(language)}': use {' or '.join(_SOURCES)}")
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
         rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))
         return _SOURCES[language].format(*rows)

@@ -211,7 +211,7 @@ below_crit_option = click.option(
     "--below-crit",
     callback=decimal,
     metavar="D",
-    help="The speed Omega_crit - D [rad/s], as a decimal with 35 digits more than asked for.",
+    help="The speed Omega_crit - D [rad/s], rounded to 35 digits more than requested.",
 )
 half_widths_option = click.option(
     "--half-widths/--no-half-widths",

@@ -234,7 +234,9 @@ class Branch(Printable):
         if axes is None:
             from matplotlib import pyplot
 
-            _, axes = pyplot.subplots(1, 2, figsize=(10, 4), layout="constrained")
+            figure, axes = pyplot.subplots(2, figsize=(6, 7), layout="constrained")
+            disk = cycles_found(self.cycles)[0].parameters
+            figure.suptitle(f"{disk.name}, {disk.law} friction")
         speeds = [float(cycle.omega) for cycle in cycles_found(self.cycles)]
         speeds += [float(point.omega) for point in self.points]
         low, high, crit = min(speeds), max(speeds), float(self.points[0].omega)

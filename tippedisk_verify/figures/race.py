@@ -42,12 +42,11 @@ _LOOKS = {
     "CVODE Adams": (SKY, "X", "--"),
     "diffrax Dopri8": (SKY, "h", "-"),
 }
-#: The same for integrators that users bring. Neighbours differ in colour and mark; the second twelve
-#: are hollow.
+#: The same for integrators that users bring. A colour that comes back has hollow marks and a dotted
+#: line.
 _OWN_LOOKS = tuple(
-    ((BLACK, SKY, RED)[n % 3], ("s", ">", "*", "<")[n % 4], line)
-    for line in ("-", ":")
-    for n in range(12)
+    ((BLACK, SKY, RED)[n % 3], ("s", ">", "*", "<")[n % 4], ("-", ":")[(n // 3 + n // 12) % 2])
+    for n in range(24)
 )
 _UNITS = {
     "error_over_samples": "rad or rad/s",

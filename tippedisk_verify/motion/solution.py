@@ -20,7 +20,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import doubles, numpy_safe
-from tippedisk_verify.model.exact import Exact, entries, exact
+from tippedisk_verify.model.exact import Exact, entries, exact, fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -191,17 +191,25 @@ class Solution(Printable):
         if axes is None:
             from matplotlib import pyplot
 
-            _, axes = pyplot.subplots(3, sharex=True, layout="constrained")
+            figure, axes = pyplot.subplots(3, sharex=True, layout="constrained")
+            figure.suptitle(
+                f"{self.disk.name}, {self.disk.law} friction, Ω = {float(fraction(self.omega)):.10g} rad/s"
+            )
         times, states = doubles(self.t), doubles(self.y)
         if self._request is not None and times.size:
             times = numpy.linspace(times[0], times[-1], _PLOTTED)
             states = doubles(self(times))
-        moments = [float(event.time) for event in self.events]
-        labels = ("β [rad]", "γ [rad]", "dβ/dt [rad/s]")
+        names = dict.fromkeys(event.name for event in self.events)
+        labels = ("β [rad]", "γ [rad]", "v = dβ/dt [rad/s]")
         for row, (axis, label) in enumerate(zip(axes, labels, strict=True)):
             axis.plot(times, states[row])
-            axis.plot(moments, [float(event.state[row]) for event in self.events], ".")
+            for name in names:
+                events = [event for event in self.events if event.name == name]
+                moments = [float(event.time) for event in events]
+                axis.plot(moments, [float(event.state[row]) for event in events], ".", label=name)
             axis.set(ylabel=label)
+        if names:
+            axes[0].legend()
         axes[-1].set(xlabel="t [s]")
         return axes[-1].figure
 

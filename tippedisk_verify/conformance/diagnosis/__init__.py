@@ -50,7 +50,7 @@ from tippedisk_verify.conformance.diagnosis.relations import Relation, related, 
 from tippedisk_verify.conformance.diagnosis.step_methods import recognised_method
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
-from tippedisk_verify.reference_values.store import Store
+from tippedisk_verify.reference_values.store import Store, is_optional
 
 __all__ = ["Diagnosis", "diagnosed"]
 
@@ -128,6 +128,8 @@ class Diagnosis:
         )
         counts = (len(self.failed) - self.few, "wrong"), (self.few, "with too few digits only")
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
+        if any(is_optional(grade.id) for grade in self.failed):
+            text += " (with optional answers)"
         if self.no_numbers:
             text += f", {self.no_numbers} of them not finite"
         if len(self.causes) > 1:
