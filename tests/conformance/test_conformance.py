@@ -22,13 +22,13 @@ from tippedisk_verify.conformance.diagnosis import diagnosed
 from tippedisk_verify.conformance.grading import compare, digits_between, graded, levels_of
 from tippedisk_verify.conformance.pages import Report, html_page, print_report
 from tippedisk_verify.conformance.sheet import (
-    COLUMNS,
     Answers,
     questions,
     read_answers,
     sheet_csv,
     sheet_json,
 )
+from tippedisk_verify.reference_values.questions import QUESTION_COLUMNS
 from tippedisk_verify.reference_values.store import Store, stored
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
@@ -48,7 +48,7 @@ def test_a_csv_sheet_needs_no_quotes_and_says_everything(store: Store) -> None:
     text = sheet_csv(store, questions(store))
     assert '"' not in text
     rows = list(csv.DictReader(io.StringIO(text)))
-    assert tuple(rows[0]) == COLUMNS
+    assert tuple(rows[0]) == QUESTION_COLUMNS
     assert sum(row["form"] != "optional" for row in rows) == len(store)
     assert [int(row["level"]) for row in rows] == sorted(int(row["level"]) for row in rows)
     assert not any(row["answer"] for row in rows)
@@ -72,7 +72,7 @@ def test_the_truth_gets_full_marks_in_either_form_and_reading(
             reading = "doubles" if n % 2 and "doubles" in store[row["id"]].values else "decimals"
             row["from"], row["answer"] = reading, store[row["id"]].values[reading][0]
         stream = io.StringIO(newline="")
-        table = csv.DictWriter(stream, COLUMNS, lineterminator="\n")
+        table = csv.DictWriter(stream, QUESTION_COLUMNS, lineterminator="\n")
         table.writeheader()
         table.writerows(rows)
         path.write_text(stream.getvalue())

@@ -12,7 +12,7 @@ from tippedisk_verify.flow.contract import SECTION, Event
 WHOLE_PERIOD = replace(
     LIBRATING,
     name="whole period",
-    ends=Event("closes", SECTION.function, direction=1),
-    image=1,
+    end_event=Event("closes", SECTION.function, direction=1),
+    symmetry_sign=1,
     per_period=1,
 )

@@ -42,7 +42,6 @@ from tippedisk_verify.reference_values.store import (
 )
 
 __all__ = [
-    "QUESTION_COLUMNS",
     "Answers",
     "Row",
     "answer_line",
