@@ -40,8 +40,8 @@ class Race(Printable):
 
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
-        raced = any(score.family == "heyoka" for score in self.scores)
-        rows = (_comparison(row, raced) for row in ratios(self.scores))
+        with_heyoka = any(score.family == "heyoka" for score in self.scores)
+        rows = (_comparison(row, with_heyoka) for row in ratios(self.scores))
         orders = dict.fromkeys(map(_order, self.scores))
         return "\n".join([head, *map(_line, self.scores), *filter(None, orders), *rows])
 
@@ -186,9 +186,9 @@ def _path(file: Any) -> Path:
         raise InputError(f"answers are files, not {shown(file)}") from None
 
 
-def _comparison(row: Mapping[str, Any], raced: bool) -> str:
-    """Return a row of `ratios` as text; ``raced`` is True if heyoka took part."""
-    parts = [row["heyoka"] or "heyoka does not reach it"] if raced else []
+def _comparison(row: Mapping[str, Any], with_heyoka: bool) -> str:
+    """Return a row of `ratios` as text; ``with_heyoka`` is True if heyoka took part."""
+    parts = [row["heyoka"] or "heyoka does not reach it"] if with_heyoka else []
     for name, label in (("scipy", "SciPy"), ("peer", "the best peer"), ("own", "yours")):
         over = row[f"{name}_over_heyoka"]
         if over is not None:

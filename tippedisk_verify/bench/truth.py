@@ -17,7 +17,8 @@ time delta. Newton's method solves cos(beta(delta)) = 0, or v(delta) = 0 for the
 step is the residual divided by its rate. Later ones follow the flow with the package's integrator,
 in the arithmetic of the true solution. The true states are treated alike. Then
 
-- the error of the period is that of delta at the last crossing, less that one return earlier;
+- the error of the period is the error of delta at the last crossing minus its error one return
+  earlier;
 - the error of the crossing is the larger one of gamma and v there;
 - the error of the amplitude is that of beta where v = 0.
 
@@ -25,10 +26,10 @@ Over the time delta the true equations replace those that the integrator follows
 two differ by a relative eta. The integrator's own orbit crosses after delta (1 + O(eta)), so the
 error of the period is known to a relative O(eta). Its size is eta times the period T, so it has two
 digits if it is below 1 % of T. The state at the crossing moves by O(eta delta), and its error is
-O(eta T). It is known to a relative O(delta / T); with planted errors 2.3 delta / T was the most. It
-has two digits if the phase is within 0.3 % of T. If delta is more than half the spacing of the
-sample times, no error is reported for the run, and its status gives the
-reason.
+O(eta T). It is known to a relative O(delta / T). In tests with planted errors this was never more
+than 2.3 delta / T, so the error has two digits if the phase is within 0.3 % of T. If delta is more
+than half the spacing of the sample times, no error is reported for the run, and its status gives
+the reason.
 """
 
 from __future__ import annotations

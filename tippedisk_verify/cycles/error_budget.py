@@ -10,15 +10,15 @@ parameters. So each number of each twin is another draw of the same error, and
     half-width = TWIN_FACTOR * spread + ulp(q).
 
 There is no other part. Truncation is far below rounding at the integrator's own tolerance, and
-Newton's iteration is at rest to rounding.
+Newton's iteration has converged to the level of rounding.
 
 **The next arithmetic.** Where the equations amplify rounding the cycle is solved in the next wider
-arithmetic. Its error is the same one, smaller by the ratio of the roundings. The twins in double
-measure that too.
+arithmetic. Its error has the same distribution, scaled down by the ratio of the roundings. So the
+twins in double precision measure it too.
 
 **Many bits.** With many more bits the same numbers are computed twice, in an arithmetic and in one
-with 64 bits more. The distance measures the error. The wider run's own error comes from the last step of
-its iteration.
+with 64 bits more. The distance measures the error. The wider run's own error comes from the last
+step of its iteration.
 """
 
 from __future__ import annotations

@@ -21,8 +21,8 @@ W is the square of the ratio of the cycle's frequency to Omega_crit, and f measu
 with harmonics 1 and 3. Friction enters through the third harmonic, of order a^3. Tests solve the
 invariance equation of the full equations as well.
 
-**The friction law.** All formulas hold for every law that is analytic at gamma_y = 0, with its slope
-there. On the critical mode omega^2 = W Omega^2 = e Omega^2 / (r + e), so
+**The friction law.** All formulas hold for every law that is analytic at gamma_y = 0, and depend on it
+only through its slope there. On the critical mode omega^2 = W Omega^2 = e Omega^2 / (r + e), so
 
     gamma_y = (r + e) v + e Omega gamma_bar
 
