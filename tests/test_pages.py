@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import itertools
 import json
 import re
 import shlex
@@ -109,6 +110,17 @@ def test_every_command_has_its_place_on_the_page_of_commands() -> None:
         for command in commands((ROOT / "docs" / "commands.md").read_text(encoding="utf-8"))
     }
     assert shown == {*cli.list_commands(click.Context(cli)), "COMMAND"}
+
+
+@pytest.mark.parametrize("path", PAGES, ids=lambda path: path.name)
+def test_no_line_in_a_paragraph_is_taken_for_a_list_or_a_heading(path: Path) -> None:
+    """Markdown ends a paragraph at a line that begins with "1. ", "- ", "+ " or "# "."""
+    text = re.sub(
+        r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE
+    )
+    for before, line in itertools.pairwise(text.splitlines()):
+        in_prose = before and not re.match(r"\s|[-+*|#>:%$]|\d+\.|```", before)
+        assert not (in_prose and re.match(r"(1\.|[-+*>]|#+) ", line)), line
 
 
 @pytest.mark.parametrize("path", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
