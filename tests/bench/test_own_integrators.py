@@ -155,6 +155,12 @@ def test_the_error_of_the_period_on_the_page(
 
 
 # ------------------------------------------------------------------------------------ the rest
+@pytest.mark.parametrize("language", ["C", "fortran", None, ["c"]], ids=str)
+def test_a_source_in_another_language_is_refused(language: Any) -> None:
+    with pytest.raises(tv.InputError, match="use python or c"):
+        PROBLEMS[0].source(language)
+
+
 @pytest.mark.parametrize("problem", PROBLEMS, ids=lambda problem: problem.name)
 def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> None:
     random = np.random.default_rng(7)

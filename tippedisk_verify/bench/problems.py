@@ -90,7 +90,7 @@ class Problem:
         Raises:
             InputError: If the language is another one.
         """
-        if language not in _SOURCES:
+        if language not in tuple(_SOURCES):  # a list cannot be a key
             raise InputError(f"no source in '{shown(language)}': use {' or '.join(_SOURCES)}")
         rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
         rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))

@@ -112,9 +112,11 @@ def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path
 
 def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
     law = study.period_law
+    signs = {True: "+", False: "-"}
     yield (
-        f"T = {float(law.slope):.9g} ln D + {float(law.constant):.9g} + "
-        f"{float(law.coefficient):.6g} "
+        f"T = {float(law.slope):.9g} ln D {signs[law.constant > 0]} "
+        f"{abs(float(law.constant)):.9g} {signs[law.coefficient > 0]} "
+        f"{abs(float(law.coefficient)):.6g} "
         f"D^{float(law.exponent):.6g} + ..., D above Omega_h in rad/s, T in s"
     )
     header = ("D [rad/s]", "T [s]", "1 term", "2 terms", "3 terms", "multiplier", "a double")
