@@ -268,7 +268,9 @@ class Cycle(Printable):
         if axes is None:
             from matplotlib import pyplot
 
-            _, axes = pyplot.subplots()
+            figure, axes = pyplot.subplots(layout="constrained")
+            disk = self.parameters
+            figure.suptitle(f"{disk.name}, {disk.law} friction, Ω = {self.omega:.6g} rad/s")
         _, (beta_bar, gamma_bar, _) = self.orbit(shifted=True)
         axes.plot(gamma_bar, beta_bar, label=f"Ω = {self.omega:.6g} rad/s")
         axes.set(xlabel=r"$\gamma - \pi/2$ [rad]", ylabel=r"$\beta - \pi/2$ [rad]")

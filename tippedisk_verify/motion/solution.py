@@ -209,7 +209,7 @@ class Solution(Printable):
                 axis.plot(moments, [float(event.state[row]) for event in events], ".", label=name)
             axis.set(ylabel=label)
         if names:
-            axes[0].legend()
+            axes[0].legend(loc="lower right", bbox_to_anchor=(1, 1), ncols=len(names))
         axes[-1].set(xlabel="t [s]")
         return axes[-1].figure
 
