@@ -7,6 +7,7 @@ from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
 from tippedisk_verify.audit.linear_claims import EVERY_SPEED, NORMAL_FORM, closed_form
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.theory import hopf, one_harmonic_law
 from tippedisk_verify.theory.expansion import derived, printed
 
@@ -25,8 +26,7 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
         key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0)
     )
     words = [
-        "".join(f"{s}^{n} " for s, n in zip(("beta", "gamma", "v"), key, strict=True) if n)
-        for key in wrong
+        "".join(f"{s}^{n} " for s, n in zip(STATE_NAMES, key, strict=True) if n) for key in wrong
     ]
     return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
 

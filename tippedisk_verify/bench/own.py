@@ -18,6 +18,7 @@ from tippedisk_verify.bench.problems import Problem, problem_named
 from tippedisk_verify.bench.race import Score
 from tippedisk_verify.bench.truth import truth_of
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.exact import entries, fraction, shown
 
 __all__ = ["OWN", "TOLERANCES", "Solver", "method_of", "question", "scores_of", "states_of"]
@@ -30,7 +31,6 @@ OWN = "own"
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _PATIENCE = 2.0  # s; after a longer run the tighter tolerances are left out
 _COLUMNS = ("problem", "setting", "seconds")
-_STATE = ("beta", "gamma", "v")
 
 
 def method_of(
@@ -126,9 +126,9 @@ def scores_of(file: Path, text: str) -> list[Score]:
     rows = csv.DictReader(text.splitlines(), restval="")
     try:
         columns = set(rows.fieldnames or ())
-        if not {*_COLUMNS} <= columns or not ("error" in columns or {*_STATE} <= columns):
+        if not {*_COLUMNS} <= columns or not ("error" in columns or {*STATE_NAMES} <= columns):
             raise InputError(
-                f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(_STATE)}"
+                f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(STATE_NAMES)}"
             )
         return [_score_of(file.stem, row) for row in rows]
     except InputError as fault:
@@ -146,7 +146,7 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
     else:
         error = max(
             abs(_entry(row, component, true.value))
-            for component, true in zip(_STATE, truth.samples[-1], strict=True)
+            for component, true in zip(STATE_NAMES, truth.samples[-1], strict=True)
         )
     if seconds <= 0 or error < 0:
         raise InputError("the time must be positive, and the error not negative")

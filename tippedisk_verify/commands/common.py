@@ -14,20 +14,17 @@ from fractions import Fraction
 from functools import partial, wraps
 from itertools import zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from tippedisk_verify.commands.help import DefinedCommand, load_quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, sole_writer
-from tippedisk_verify.model.equations import one_speed
+from tippedisk_verify.model.equations import STATE_NAMES, one_speed
 from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.results import result_lines
 from tippedisk_verify.progress import Advance, progress_of
-
-if TYPE_CHECKING:
-    pass
 
 __all__ = [
     "MOTION_COLUMNS",
@@ -349,7 +346,7 @@ def alone_in(out: str | None) -> Path | None:
 
 # ------------------------------------------------------------------------------- motions as tables
 #: The columns of a motion: the time [s] and the state [rad, rad, rad/s].
-MOTION_COLUMNS = ("t", "beta", "gamma", "v")
+MOTION_COLUMNS = ("t", *STATE_NAMES)
 
 
 def motion_rows(*columns: Sequence[Any]) -> list[dict[str, Any]]:

@@ -20,6 +20,7 @@ from inspect import signature
 from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.exact import refuse_qualified, shown
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -306,7 +307,7 @@ class EventRecord(Printable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the recorded crossing as data for JSON."""
-        state = zip(("beta", "gamma", "v"), with_widths(self.state, self.uncertainty), strict=True)
+        state = zip(STATE_NAMES, with_widths(self.state, self.uncertainty), strict=True)
         return {
             "name": self.name,
             "t": with_widths(self.time, self.time_uncertainty),

@@ -20,7 +20,7 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import STATE_NAMES, field, jacobian, shifted
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import Precision
@@ -135,7 +135,7 @@ def system_of(
     """
     hy = heyoka_module()
     ops = shifted(hy) if shift else hy
-    state, names = hy.make_vars("beta", "gamma", "v"), parameter_names(law)
+    state, names = hy.make_vars(*STATE_NAMES), parameter_names(law)
     pars = [hy.par[index] for index in range(len(names))]
     constants, omega = constants_of(pars, law), pars[0]
     side = hy.par[len(names)] if law.two_sided else None

@@ -27,6 +27,7 @@ from tippedisk_verify.model.friction import FrictionLaw, law_of
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
+    "STATE_NAMES",
     "Ops",
     "Terms",
     "checked_speed",
@@ -38,6 +39,9 @@ __all__ = [
     "shifted",
     "terms",
 ]
+
+#: The names of the state's components, in order
+STATE_NAMES = ("beta", "gamma", "v")
 
 Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 

@@ -20,6 +20,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import doubles, numpy_safe
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.exact import Exact, entries, exact, fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -30,7 +31,6 @@ from tippedisk_verify.motion.times import decimal_time, since_start
 
 __all__ = ["Derivative", "Solution"]
 
-_STATE = ("beta", "gamma", "v")
 _PLOTTED = 4001  # the number of times in a plot
 
 
@@ -243,8 +243,8 @@ class Solution(Printable):
         Raises:
             InputError: If pandas is not installed.
         """
-        widths = (f"{name}_uncertainty" for name in _STATE)
-        names = ("t", *_STATE, *widths)
+        widths = (f"{name}_uncertainty" for name in STATE_NAMES)
+        names = ("t", *STATE_NAMES, *widths)
         return data_frame(dict(zip(names, (self.t, *self.y, *self.uncertainty), strict=True)))
 
     def to_dict(self) -> dict[str, Any]:
@@ -262,7 +262,7 @@ class Solution(Printable):
             "message": self.message,
             "end": self._end_entries(),
             "t": [decimal_time(time) for time in self.times],
-            **dict(zip(_STATE, with_widths(self.y, self.uncertainty), strict=True)),
+            **dict(zip(STATE_NAMES, with_widths(self.y, self.uncertainty), strict=True)),
             "events": [event.to_dict() for event in self.events],
             **{
                 name: with_widths(values, widths)
@@ -272,7 +272,7 @@ class Solution(Printable):
             "derivatives": {
                 name: {
                     "end": with_widths(slope.end, slope.end_uncertainty),
-                    **dict(zip(_STATE, with_widths(slope.y, slope.uncertainty), strict=True)),
+                    **dict(zip(STATE_NAMES, with_widths(slope.y, slope.uncertainty), strict=True)),
                 }
                 for name, slope in self.by.items()
             },

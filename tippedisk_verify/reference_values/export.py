@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import file_ending_in, output_file, write_table, write_text
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
@@ -18,7 +19,7 @@ from tippedisk_verify.reference_values.store import ReferenceValue
 __all__ = ["FORMATS", "export"]
 
 _TEXTS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
-_INPUTS = (*SYMBOLS, "Omega", "beta", "gamma", "v", "t", "n", "order")
+_INPUTS = (*SYMBOLS, "Omega", *STATE_NAMES, "t", "n", "order")
 _FIELDS = (*_INPUTS, "value", "tolerance")
 _HEADER = (
     "Reference values of the tippedisk. A good answer in doubles is off by `tolerance` at most."

@@ -12,6 +12,7 @@ from collections.abc import Mapping
 from decimal import Decimal
 
 from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import ReferenceValue, is_optional
 
@@ -29,7 +30,7 @@ __all__ = [
     "table_row",
 ]
 
-_INPUTS = ("Omega", "beta", "gamma", "v")
+_INPUTS = ("Omega", *STATE_NAMES)
 QUESTION_COLUMNS = (
     "id",
     "level",

@@ -18,6 +18,7 @@ from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.results import Printable, as_json
@@ -217,7 +218,7 @@ numbers.Real.register(
 
 
 #: Inputs other than the parameters and the time, in the order of every entry.
-_INPUTS = ("Omega", "beta", "gamma", "v", "equilibrium", "form")
+_INPUTS = ("Omega", *STATE_NAMES, "equilibrium", "form")
 
 
 def optional_beside(id_: str) -> tuple[str, ...]:

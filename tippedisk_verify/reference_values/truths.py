@@ -23,7 +23,7 @@ from tippedisk_verify.cycles.shooting import limit_cycle, shoot
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.equations import jacobian, shifted, terms
+from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted, terms
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -78,7 +78,6 @@ _STEP_IN_DOUBLE = Fraction(1, 10**6)
 # [s] Orbits start on the section up to rounding, half of them with v = 0. A crossing before this
 # time is the start itself, even after a start is moved by 1e-7 to find its effect.
 _MIN_CROSSING_TIME = 0.01
-_STATE = ("beta", "gamma", "v")
 _HALF_PI = PI * Fraction(1, 2)
 Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
@@ -216,7 +215,7 @@ def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str
 
     With ``shift`` the calculation uses the angles minus pi/2.
     """
-    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
+    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *STATE_NAMES)
     ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
     beta, gamma = beta - quarter, gamma - quarter
     values = terms(ops, c, omega, beta, gamma, v)
@@ -242,7 +241,7 @@ def _optional(case: ExactItem, ctx: Any) -> dict[str, Any]:
     """Compute the optional quantities at the state of a question, Bbar and the terms of
     h, by name.
     """
-    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *_STATE)
+    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *STATE_NAMES)
     parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
 
@@ -361,7 +360,7 @@ def orbit(
     """
     duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
     times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
-    start = [exact(case.inputs[name]) for name in _STATE]
+    start = [exact(case.inputs[name]) for name in STATE_NAMES]
     if shift:
         start[:2] = [angle - _HALF_PI for angle in start[:2]]
     run = case.disk.integrate(
@@ -380,13 +379,13 @@ def orbit(
     numbers = {
         f"{name}@{float(time):g}": pair
         for time, *sample in samples
-        for name, pair in zip(_STATE, zip(*sample, strict=True), strict=True)
+        for name, pair in zip(STATE_NAMES, zip(*sample, strict=True), strict=True)
     }
     crossings = (event for event in run.events if event.time > _MIN_CROSSING_TIME)
     for n, crossing in enumerate(crossings, start=1):
         numbers[f"crossing_time#{n}"] = crossing.time, crossing.time_uncertainty
         for name, *pair in zip(
-            _STATE[1:], crossing.state[1:], crossing.uncertainty[1:], strict=True
+            STATE_NAMES[1:], crossing.state[1:], crossing.uncertainty[1:], strict=True
         ):
             numbers[f"crossing_{name}#{n}"] = tuple(pair)
     return numbers | (

@@ -28,6 +28,7 @@ from tippedisk_verify.conformance.diagnosis.terms import (
     shown,
     written,
 )
+from tippedisk_verify.model.equations import STATE_NAMES
 
 __all__ = ["LINEAR", "SMOOTH", "Change", "changes"]
 
@@ -304,7 +305,7 @@ INPUTS: dict[str, dict[str, str]] = {
     },
     **{
         f"{says} {x}": {x: text.format(x=f"given({x})")}
-        for x in ("Omega", "beta", "gamma", "v")
+        for x in ("Omega", *STATE_NAMES)
         for says, text in {
             "the sign of": "-1 {x}",
             "the modulus of": "abs({x})",

@@ -14,6 +14,7 @@ from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.questions import scale_of
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
@@ -184,4 +185,4 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
     )
 
 
-_NUMBERS = ("Omega", "beta", "gamma", "v")
+_NUMBERS = ("Omega", *STATE_NAMES)

@@ -15,6 +15,7 @@ import numpy as np
 from tippedisk_verify.conformance.diagnosis.entries import Answered, Array, Table
 from tippedisk_verify.conformance.diagnosis.regression import RegressionProblem
 from tippedisk_verify.conformance.diagnosis.terms import Values
+from tippedisk_verify.model.equations import STATE_NAMES
 
 __all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
 
@@ -60,7 +61,7 @@ _IDENTITIES = {
     "v_rate": "M answer - force",
     **{
         f"dv_rate_d{x}": f"M answer + d(M)/d({x}) answered_rate - d(force)/d({x})"
-        for x in ("beta", "gamma", "v")
+        for x in STATE_NAMES
     },
     "amplitude": "(r + e) denominator answer^2 + 4 e excess",
     "frequency": "answer^2 - frequency_squared",
@@ -182,7 +183,7 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
     faster, slower = matrix(values, Omega=1.5 * speed), matrix(values, Omega=0.5 * speed)
     by_speed = (faster - slower) / speed[:, None, None]  # exact: linear in the speed's square
-    found = {f"q_{name}": np.abs(x) for name, x in zip(("beta", "gamma", "v"), q, strict=True)}
+    found = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
     # The index of a component of the adjoint eigenvector, and the factor that it gets
     parts = {
         "g_gamma": (1, cubic[0]),
@@ -213,9 +214,7 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
     radius = 0.2 / np.sqrt((np.abs(q) ** 2).sum(axis=0))
     state = {
         x: place + turn * radius * part
-        for x, place, part in zip(
-            ("beta", "gamma", "v"), (np.pi / 2, np.pi / 2, 0.0), q, strict=True
-        )
+        for x, place, part in zip(STATE_NAMES, (np.pi / 2, np.pi / 2, 0.0), q, strict=True)
     }
     at = values.at(**state, Omega=speed)
     return np.array(

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["Relation", "related", "where"]
@@ -246,7 +247,7 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
     for name in np.unique(table.quantity_names).tolist():
         ids = [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names]
         found[name] = _right_values(truths, ids)
-    for name in (*SYMBOLS, "Omega", "beta", "gamma", "v"):
+    for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
         found[f"the {sort} {name}"] = table.given[name][table.rows]
     if "period" in found:

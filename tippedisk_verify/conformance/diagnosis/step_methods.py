@@ -7,12 +7,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.entries import Array, Table
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import STATE_NAMES, field
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["recognised_method"]
 
-_STATE = ("beta", "gamma", "v")
 _MAX_TRAJECTORIES = 3  # trajectories that a method is tried on
 _MAX_UNEXPLAINED_SHARE = 0.02  # share of the errors that a method may leave unexplained
 _STEPS = sorted(factor * 10.0**-k for k in range(2, 6) for factor in (1, 1.25, 2, 2.5, 4, 5))  # s
@@ -32,7 +31,7 @@ _METHODS = {
 
 
 #: The inputs of a trajectory: the constants, the speed, and the initial state
-_INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *_STATE)
+_INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *STATE_NAMES)
 #: A Runge-Kutta method: its order, shares of the step, and weights
 Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
 
@@ -71,7 +70,7 @@ def recognised_method(table: Table) -> str:
     """
     times = (float(place["t"]) for place in table.places if "t" in place)
     time = min(times, default=np.nan)
-    columns = [table.column(f"{x}@{time:g}") for x in _STATE]
+    columns = [table.column(f"{x}@{time:g}") for x in STATE_NAMES]
     truths = np.array([column.truth for column in columns])
     errors = np.array([column.answer for column in columns]) - truths
     rows = np.flatnonzero(np.isfinite(errors).all(axis=0))[:_MAX_TRAJECTORIES]
