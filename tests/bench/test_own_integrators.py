@@ -98,6 +98,7 @@ def test_an_answer_of_the_page_runs_and_is_as_accurate_as_it_says(need: str, cod
         assert abs(sol.y.astype(float) - true.y.astype(float)).max() < bound
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
 def test_four_integrators_of_the_page_race_in_one_diagram(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -137,6 +138,7 @@ def test_four_integrators_of_the_page_race_in_one_diagram(
     assert {"my BDF", "my RK4", "my C", "elsewhere"} <= {line.get_label() for line in panel.lines}
 
 
+@pytest.mark.slow
 def test_the_error_of_the_period_on_the_page(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -98,7 +98,14 @@ def test_right_programs_have_no_diagnosis() -> None:
     assert diagnosed(grades_of(program, range(1, 6), "."), stored()) == []
 
 
-@pytest.mark.parametrize("answer", [lambda: repr(random.gauss(0, 1)), lambda: "nan", lambda: "1"])
+@pytest.mark.parametrize(
+    "answer",
+    [
+        pytest.param(lambda: repr(random.gauss(0, 1)), id="random", marks=pytest.mark.slow),
+        pytest.param(lambda: "nan", id="nan"),
+        pytest.param(lambda: "1", id="1"),
+    ],
+)
 def test_nothing_but_the_constant_is_said_of_answers_without_sense(
     answer: Callable[[], str], store: Store
 ) -> None:

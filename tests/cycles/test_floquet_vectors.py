@@ -35,7 +35,7 @@ def _applied(vectors: FloquetVectors, vector: tuple[tv.Measured, ...]) -> list[t
 @pytest.mark.parametrize(
     ("kind", "since"),
     [
-        ("librating", "0"),
+        pytest.param("librating", "0", marks=_SLOW),
         ("librating", "0.3"),
         pytest.param("wide", "0", marks=_SLOW),
         pytest.param("rotating", "0.5", marks=_SLOW),

@@ -50,9 +50,8 @@ def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     assert shot.stable is stable
 
 
-@pytest.mark.parametrize(
-    "friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.5))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     """The square-root law holds: sqrt(Omega - Omega_fold) falls with the distance of both states,
     and T is its mean.

@@ -82,11 +82,15 @@ def test_those_of_the_period_are_the_reference_datas_condition(law: str) -> None
 @pytest.mark.parametrize(
     ("named", "law", "symbols"),
     [
-        ("calibrated", "linear", ("mu", "A")),
+        ("calibrated", "linear", ("A",)),
         *(
-            pytest.param(named, law, SYMBOLS, marks=pytest.mark.slow(minutes=3))
-            for named in ("table1", "calibrated", "geometry")
-            for law in ("linear", "smooth")
+            pytest.param(named, law, symbols, marks=pytest.mark.slow(minutes=1.5))
+            for named, law, symbols in (
+                ("table1", "linear", SYMBOLS[:4]),
+                ("calibrated", "linear", SYMBOLS[4:]),
+                ("geometry", "smooth", SYMBOLS[:4]),
+                ("table1", "smooth", SYMBOLS[4:]),
+            )
         ),
     ],
 )
@@ -125,15 +129,14 @@ def test_none_next_to_the_connection() -> None:
 
 
 # ---------------------------------------------------------------------------- Omega_crit and Omega_h
+@pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize(
     ("named", "law", "symbols"),
     [
-        ("table1", "linear", ("mu",)),
-        *(
-            pytest.param(named, law, SYMBOLS, marks=pytest.mark.slow(minutes=2))
-            for named in ("table1", "calibrated", "geometry")
-            for law in ("linear", "smooth")
-        ),
+        ("table1", "linear", SYMBOLS[:4]),
+        ("calibrated", "linear", SYMBOLS[4:]),
+        ("geometry", "smooth", SYMBOLS[:4]),
+        ("table1", "smooth", SYMBOLS[4:]),
     ],
 )
 def test_those_of_both_speeds_hold_differences(

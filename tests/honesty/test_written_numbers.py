@@ -87,7 +87,12 @@ def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("kind", "omega"), [("", "30.4"), ("", "30.886592"), ("--rotating", "30.02")]
+    ("kind", "omega"),
+    [
+        ("", "30.4"),
+        pytest.param("", "30.886592", marks=pytest.mark.slow),
+        pytest.param("--rotating", "30.02", marks=pytest.mark.slow),
+    ],
 )
 def test_a_branchs_table_holds_the_cycles_with_more_digits(
     kind: str, omega: str, tmp_path: Path

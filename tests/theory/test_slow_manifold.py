@@ -18,7 +18,7 @@ from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -162,7 +162,8 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(
         for epsilon in EPSILONS:
             disk = parameters.changed(epsilon=epsilon, friction=law)
             reduced = reduced_equilibrium(disk, omega, name, order, mpmath.mp.prec)
-            by_beta, by_gamma = reduced.trace, -reduced.determinant / speed
+            trace, determinant = (quotient(mpmath.mp, fraction(number)) for number in reduced)
+            by_beta, by_gamma = trace, -determinant / speed
             residuals = []
             for x, y in ((1, 0), (0, 1)):
                 v = by_beta * x + by_gamma * y
