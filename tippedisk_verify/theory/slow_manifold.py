@@ -203,9 +203,9 @@ class SlowManifoldSeries:
             right = self.q1 * last + self.drift * last.slope(1)
             if n == 1:
                 right = right + self.q0
-            for i in range(n):
-                other = self.series[n - 1 - i]
-                right = right + self.q2 * (self.series[i] * other) - self.series[i].slope(0) * other
+            pairs = list(zip(self.series, reversed(self.series), strict=True))
+            right = right + self.q2 * sum(one * other for one, other in pairs)
+            right = right - sum(one.slope(0) * other for one, other in pairs)
             self.series.append(right / self.rate)
 
     @property
