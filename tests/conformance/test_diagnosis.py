@@ -70,7 +70,10 @@ def test_every_kind_of_mistake_can_be_planted() -> None:
 
 @pytest.mark.parametrize(
     "listed",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name != "exact")) for name in LISTED],
+    [
+        pytest.param(name, marks=[pytest.mark.slow(minutes=0.4)] * (name != "some"))
+        for name in LISTED
+    ],
 )
 def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> None:
     differences, only, sizes = LISTED[listed]
@@ -87,7 +90,7 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
     *patch, says = ELSEWHERE[name]
     program = patched([(patch[0], patch[1])])
     assert program is not None
-    diagnoses = diagnosed(grades_of(program, range(1, 6)), stored())
+    diagnoses = diagnosed(grades_of(program, range(2, 6)), stored())
     causes = " | ".join(cause for one in diagnoses for _, cause in one.causes)
     assert re.search(says, causes), causes
 
@@ -103,10 +106,9 @@ def test_nothing_but_the_constant_is_said_of_answers_without_sense(
     answer: Callable[[], str], store: Store
 ) -> None:
     random.seed(5)
-    diagnoses = _diagnosed(
-        {id_: answer() for id_ in store if id_.startswith(("table1/both/", "table1/linear/"))},
-        store,
-    )
+    # Three states are enough for fits of many terms, and the other levels are whole.
+    asked = "table1/(both|linear)/(rhs/00[1-3]|slow-manifold/0[1-3]|(?!rhs|slow-manifold))"
+    diagnoses = _diagnosed({id_: answer() for id_ in store if re.match(asked, id_)}, store)
     assert len(diagnoses) == 10
     assert {says for one in diagnoses for _, says in one.causes} <= {"all answers are one"}
 

@@ -275,6 +275,10 @@ def test_flights_that_do_not_return(flight, first, v, status) -> None:
         found = flight(model(), first, v).status
         assert found is not FlowStatus.RETURNED
         assert status is None or found is status
-        short = half_flight(model(), *(ball(part) for part in GUESS), longest=0.05)
+
+
+def test_a_flight_gives_up_after_the_longest_time() -> None:
+    with working_precision(64):
+        short = half_flight(model(), *map(ball, GUESS), longest=0.05)
         assert short.status is FlowStatus.NO_RETURN
         assert positive(short.reached - ball("0.05"))
