@@ -27,7 +27,8 @@ from tippedisk_verify.conformance.diagnosis.terms import Values, parsed, shown
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import field
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
 
 STATE = {
@@ -164,21 +165,8 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
             entries.setdefault(one.id.rsplit("/", 1)[0], {})[one.name[:-4]] = one
     given = {}
     for answers in entries.values():
-        p = {name: float(x) for name, x in store.parameters["table1"].items()}
-        Bbar = p["B"] - p["m"] * p["e"] ** 2
-        constants = Constants(
-            *(p[x] for x in "remAB"),
-            Bbar,
-            p["g"],
-            p["mu"],
-            p["epsilon"],
-            p["A"] / p["m"],
-            Bbar / p["m"],
-            p["mu"] * p["g"] / p["epsilon"],
-            p["mu"] * p["g"],
-        )
         inputs = next(iter(answers.values())).inputs
-        rates = field(np, constants, float(inputs["Omega"]), "linear")
+        rates = field(np, PRINTED.at(DOUBLE), float(inputs["Omega"]), "linear")
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
         for _ in range(500):
             y = y + 1e-3 * np.array(rates(*y))
