@@ -22,7 +22,7 @@ from tippedisk_verify.reference_values.store import ReferenceValue, Store, data_
 NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
 ASKED = (
-    *(f"table1/{law}/rhs/00" for law in ("both", "linear", "smooth")),
+    *(f"table1/{law}/rhs/00{n}" for law in ("both", "linear", "smooth") for n in (1, 2)),
     "table1/both/equilibrium",
     "table1/linear/hopf",
     "table1/linear/harmonic-balance",

@@ -27,7 +27,8 @@ from tippedisk_verify.conformance.diagnosis.terms import Values, parsed, shown
 from tippedisk_verify.conformance.grading import graded
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import field
-from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
 
 STATE = {
@@ -70,7 +71,10 @@ def test_every_kind_of_mistake_can_be_planted() -> None:
 
 @pytest.mark.parametrize(
     "listed",
-    [pytest.param(name, marks=[pytest.mark.slow] * (name != "exact")) for name in LISTED],
+    [
+        pytest.param(name, marks=[pytest.mark.slow(minutes=0.4)] * (name != "some"))
+        for name in LISTED
+    ],
 )
 def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> None:
     differences, only, sizes = LISTED[listed]
@@ -87,7 +91,7 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
     *patch, says = ELSEWHERE[name]
     program = patched([(patch[0], patch[1])])
     assert program is not None
-    diagnoses = diagnosed(grades_of(program, range(1, 6)), stored())
+    diagnoses = diagnosed(grades_of(program, range(2, 6)), stored())
     causes = " | ".join(cause for one in diagnoses for _, cause in one.causes)
     assert re.search(says, causes), causes
 
@@ -101,7 +105,7 @@ def test_right_programs_have_no_diagnosis() -> None:
 @pytest.mark.parametrize(
     "answer",
     [
-        pytest.param(lambda: repr(random.gauss(0, 1)), id="random", marks=pytest.mark.slow),
+        pytest.param(lambda: repr(random.gauss(0, 1)), id="random"),
         pytest.param(lambda: "nan", id="nan"),
         pytest.param(lambda: "1", id="1"),
     ],
@@ -110,10 +114,9 @@ def test_nothing_but_the_constant_is_said_of_answers_without_sense(
     answer: Callable[[], str], store: Store
 ) -> None:
     random.seed(5)
-    diagnoses = _diagnosed(
-        {id_: answer() for id_ in store if id_.startswith(("table1/both/", "table1/linear/"))},
-        store,
-    )
+    # Three states are enough for fits of many terms, and the other levels are whole.
+    asked = "table1/(both|linear)/(rhs/00[1-3]|slow-manifold/0[1-3]|(?!rhs|slow-manifold))"
+    diagnoses = _diagnosed({id_: answer() for id_ in store if re.match(asked, id_)}, store)
     assert len(diagnoses) == 10
     assert {says for one in diagnoses for _, says in one.causes} <= {"all answers are one"}
 
@@ -169,21 +172,8 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
             entries.setdefault(one.id.rsplit("/", 1)[0], {})[one.name[:-4]] = one
     given = {}
     for answers in entries.values():
-        p = {name: float(x) for name, x in store.parameters["table1"].items()}
-        Bbar = p["B"] - p["m"] * p["e"] ** 2
-        constants = Constants(
-            *(p[x] for x in "remAB"),
-            Bbar,
-            p["g"],
-            p["mu"],
-            p["epsilon"],
-            p["A"] / p["m"],
-            Bbar / p["m"],
-            p["mu"] * p["g"] / p["epsilon"],
-            p["mu"] * p["g"],
-        )
         inputs = next(iter(answers.values())).inputs
-        rates = field(np, constants, float(inputs["Omega"]), "linear")
+        rates = field(np, PRINTED.at(DOUBLE), float(inputs["Omega"]), "linear")
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
         for _ in range(500):
             y = y + 1e-3 * np.array(rates(*y))

@@ -10,6 +10,7 @@ from fractions import Fraction
 from typing import Any
 
 import numpy as np
+from scipy.integrate import solve_ivp
 
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -19,9 +20,8 @@ from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection import eigenvectors
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit
-# S: with |lambda_f| = 102 / s the method's error is (0.05)^5 / 120 = 3e-9 of z_f in a step, less
-# elsewhere
-STEP = 5e-4
+# Of a step, relative and absolute: a hundred roundings
+TOLERANCE = 100 * np.finfo(float).eps
 
 
 DISK = parameter_texts(PRINTED)
@@ -30,7 +30,7 @@ with working_precision(64):
 
 
 class Orbits:
-    """The flow about the saddle (0, pi, 0), by the classical Runge-Kutta method, in z."""
+    """The flow about the saddle (0, pi, 0) in z, by SciPy's Runge-Kutta method of order 8."""
 
     def __init__(
         self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float
@@ -55,19 +55,20 @@ class Orbits:
         self,
         z: Sequence[float],
         variation: Sequence[float],
-        until: Callable[[np.ndarray], bool],
-        longest: float = 3.0,
+        until: Callable[[np.ndarray], float],
     ) -> tuple[float, np.ndarray, np.ndarray]:
-        """(time, z, variation) at the first step's end at which ``until`` is true."""
-        x = np.array([z, variation], float)
-        time = 0.0
-        while not until(x[0]) and time < longest:
-            k1 = self._both(x)
-            k2 = self._both(x + STEP / 2 * k1)
-            k3 = self._both(x + STEP / 2 * k2)
-            x = x + STEP / 6 * (k1 + 2 * k2 + 2 * k3 + self._both(x + STEP * k3))
-            time += STEP
-        return time, x[0], x[1]
+        """Return (time, z, variation) where ``until`` of z first rises through zero."""
 
-    def _both(self, x: np.ndarray) -> np.ndarray:
-        return np.array([self.F(x[0]), self.DF(x[0]) @ x[1]])
+        def rates(time: float, x: np.ndarray) -> np.ndarray:
+            return np.concatenate([self.F(x[:3]), self.DF(x[:3]) @ x[3:]])
+
+        def event(time: float, x: np.ndarray) -> float:
+            return until(x[:3])
+
+        event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
+        start = np.array([*z, *variation], float)
+        run = solve_ivp(
+            rates, (0, 3), start, "DOP853", events=event, rtol=TOLERANCE, atol=TOLERANCE
+        )
+        (end,) = run.y_events[0]
+        return run.t[-1], end[:3], end[3:]

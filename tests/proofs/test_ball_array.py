@@ -42,10 +42,13 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.flow import Model
 
 ORDER = 20
+COUNT = 1500  # cases of an attack: enough for each planted fault
 WIDTHS = (0.0, 1e-12, 1e-8, 1e-6, 1e-3)
 
 
-@pytest.mark.parametrize("count", [1500, pytest.param(15_000, marks=pytest.mark.slow(minutes=0.5))])
+@pytest.mark.parametrize(
+    "count", [COUNT, pytest.param(15_000, marks=pytest.mark.slow(minutes=0.5))]
+)
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_no_attack_breaks_the_balls(attack, count) -> None:
     ATTACKS[attack](ball_array, count)
@@ -238,7 +241,7 @@ def mutant(old: str, new: str) -> ModuleType:
 def test_every_fault_is_noticed(fault) -> None:
     faulty = mutant(fault.old, fault.new)
     with np.errstate(all="ignore"), pytest.raises((AssertionError, ValueError)):
-        ATTACKS[fault.attack](faulty, 4000)
+        ATTACKS[fault.attack](faulty, COUNT)
 
 
 # ------------------------------------------------------- a processor that flushes subnormal numbers
@@ -280,7 +283,7 @@ def flushed():
 @WHERE_THE_MODE_CAN_BE_SET
 @pytest.mark.parametrize("attack", ATTACKS)
 def test_no_attack_breaks_the_balls_where_small_numbers_are_flushed(flushed, attack) -> None:
-    ATTACKS[attack](flushed, 2000 if attack == "convolutions" else 300)
+    ATTACKS[attack](flushed, 600 if attack == "convolutions" else 300)
 
 
 @WHERE_THE_MODE_CAN_BE_SET

@@ -6,13 +6,14 @@ import subprocess
 import sys
 from dataclasses import replace
 from fractions import Fraction
+from types import SimpleNamespace
 
 import pytest
 from flint import arb
 
 from tests.command_line import answer
-from tests.proofs.cases import proved_connection
 from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
 from tippedisk_verify.proofs import angles
 from tippedisk_verify.proofs.closed_forms import (
@@ -23,7 +24,12 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.search.connection import MAX_DIGITS, prove_connection
+from tippedisk_verify.proofs.search.connection import (
+    MAX_DIGITS,
+    ConnectionStatus,
+    ProvedConnection,
+    prove_connection,
+)
 from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 from tippedisk_verify.proofs.search.cycle import ROTATING_SECTION, prove_cycle
 from tippedisk_verify.proofs.search.fold import prove_fold
@@ -138,6 +144,13 @@ def test_a_root_is_enclosed_for_all_coefficients_in_their_balls() -> None:
 
 # ------------------------------------------------------------------------------------ from Python
 SMOOTH = PRINTED.with_friction("smooth")
+#: As if it were proved; what is refused is refused before the kernel's result is used.
+CONNECTION = ProvedConnection(
+    ConnectionStatus.PROVED,
+    Measured.of("30.0488682607", "1e-10"),
+    parameters=PRINTED,
+    verified=SimpleNamespace(),  # type: ignore[arg-type]
+)
 
 
 @pytest.mark.parametrize(
@@ -163,15 +176,15 @@ SMOOTH = PRINTED.with_friction("smooth")
         (lambda: prove_connection(PRINTED, "30", MAX_DIGITS + 1), "digits"),
         (lambda: prove_connection(PRINTED, "-1", 8), None),
         (
-            lambda: prove_connection_cycles(replace(proved_connection(), parameters=SMOOTH)),
+            lambda: prove_connection_cycles(replace(CONNECTION, parameters=SMOOTH)),
             "linear friction law",
         ),
         *(
-            (lambda reach=reach: prove_connection_cycles(proved_connection(), reach), None)
+            (lambda reach=reach: prove_connection_cycles(CONNECTION, reach), None)
             for reach in ("0", "-1", "pi", "2", "soon")
         ),
-        (lambda: prove_connection_cycles(proved_connection(), "1e-5", "1e-5"), "between the ends"),
-        (lambda: prove_connection_cycles(proved_connection(), "0.9"), "born below"),
+        (lambda: prove_connection_cycles(CONNECTION, "1e-5", "1e-5"), "between the ends"),
+        (lambda: prove_connection_cycles(CONNECTION, "0.9"), "born below"),
     ],
 )
 def test_bad_input_of_a_proof_is_refused(prove, said: str | None) -> None:

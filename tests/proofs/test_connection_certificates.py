@@ -7,7 +7,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from fractions import Fraction
-from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,15 +25,21 @@ from tippedisk_verify.proofs.kernel.certificate_format import dyadic
 from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, proved
 from tippedisk_verify.proofs.kernel.certificates.connection import _departure
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
-from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
 
-DIGITS = 5
+
+@pytest.fixture(scope="module")
+def certified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The file of a certificate of Omega_h, and the statement that was proved, by the command."""
+    path = tmp_path_factory.mktemp("certificates") / "omega_h.json"
+    words = f"certify heteroclinic --near {float(OMEGA_H)} --digits 5 --certificate {path}"
+    return path, answer(words)["statement"]
 
 
-@lru_cache(maxsize=1)
-def connection() -> ProvedConnection:
-    return prove_connection(PRINTED, OMEGA_H, DIGITS)
+@pytest.fixture
+def text(certified: tuple[Path, str]) -> str:
+    """Its text."""
+    return certified[0].read_text()
 
 
 def refused(text: str, line: str, act: Change) -> None:
@@ -86,15 +92,15 @@ OF_THE_CONNECTION: list[tuple[str, Change]] = [
 ]
 
 
-def test_the_certificate_of_omega_h_is_accepted() -> None:
-    text = connection().certificate()
-    assert len(text) < 60_000
-    assert proved(json.loads(text)) == connection().statement
-    assert "exactly one Omega with |Omega - 30.048868" in connection().statement
+def test_the_certificate_of_omega_h_is_accepted(certified: tuple[Path, str]) -> None:
+    path, statement = certified
+    assert path.stat().st_size < 60_000
+    assert "exactly one Omega with |Omega - 30.048868" in statement
+    assert answer(f"certify check {path}") == {"accepted": True, "statement": statement}
 
 
-def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
-    content = json.loads(connection().certificate())
+def test_a_weaker_claim_is_accepted_as_what_it_says(text: str) -> None:
+    content = json.loads(text)
     content["claim"]["unique"] = content["claim"]["upright"] = False
     content["sha256"] = certificates.digest(content)
     sentence = proved(content)
@@ -102,11 +108,11 @@ def test_a_weaker_claim_is_accepted_as_what_it_says() -> None:
     assert "all along" not in sentence
 
 
-def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> None:
+def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one(text: str) -> None:
     """In directions with a first column that mixes two eigenvectors, in which the falling
     branch has z_u > 0.
     """
-    content = json.loads(connection().certificate())
+    content = json.loads(text)
     claim, evidence = content["claim"], content["evidence"]
     with working_precision(content["bits"]):
         P = [[dyadic(entry) for entry in row] for row in evidence["directions"]]
@@ -127,8 +133,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one() -> Non
 @pytest.mark.parametrize(
     "share", [slice(5, None, 6), pytest.param(slice(None), marks=pytest.mark.slow)]
 )
-def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
-    text = connection().certificate()
+def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice, text: str) -> None:
     for line, act in [*OF_THE_CONNECTION, *disks()][share]:
         refused(text, line, act)
     content = json.loads(text)
@@ -137,13 +142,9 @@ def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice) -> None:
         proved(content)
 
 
-def test_the_command_writes_it_and_checks_it(tmp_path) -> None:
-    path = tmp_path / "omega_h.json"
-    words = f"certify heteroclinic --near {float(OMEGA_H)} --digits 4 --certificate"
-    statement = answer(f"{words} {path}")["statement"]
-    assert answer(f"certify check {path}") == {"accepted": True, "statement": statement}
-    line = assert_refused(f"{words} {tmp_path / 'no' / 'c.json'}".split())
-    assert "cannot be written" in line
+def test_a_place_where_nothing_can_be_written_is_refused(tmp_path) -> None:
+    words = f"certify heteroclinic --certificate {tmp_path / 'no' / 'c.json'}"
+    assert "cannot be written" in assert_refused(words.split())
 
 
 OF_THE_CYCLES: list[tuple[str, Change]] = [

@@ -92,15 +92,15 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
 
 # ----------------------------------------------------------------------------------- the integrator
 @pytest.mark.parametrize(
-    ("disk", "start", "span", "sharp"),
+    ("disk", "start", "span"),
     [
-        (PRINTED, START, "0.15", 1e-38),
+        (PRINTED, START, "0.15"),
         # From a hundredth of a second before a sliding reversal, at which the field bends
-        (PRINTED.with_friction("smooth"), ("0", "1.725", "-1.7105"), "0.02", 1e-35),
+        (PRINTED.with_friction("smooth"), ("0", "1.725", "-1.7105"), "0.02"),
     ],
 )
-def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span, sharp) -> None:
-    """heyoka at 300 bits, whose own error is below 1e-80, against 150 bits of balls; with all
+def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -> None:
+    """heyoka at 200 bits, whose own error is far below the last of 100 bits of balls; with all
     derivatives.
     """
     request = Request(
@@ -109,13 +109,13 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span, s
         start,
         span,
         shifted=True,
-        precision=bits(300),
+        precision=bits(200),
         domain="none",
         variations=("beta", "gamma", "v", "Omega"),
         divergence=True,
     )
     ordinary = taylor(request)
-    with working_precision(150):
+    with working_precision(100):
         flight = carry(model_of(disk, ball(OMEGA)), map(ball, start), span, derivatives=True)
     assert flight.status is None
     assert flight.upright
@@ -126,7 +126,8 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span, s
     ):
         for mine, other in zip(row, others, strict=True):
             assert measured(mine).holds(other)
-            assert mine.rad() < sharp
+            # The flight multiplies roundings by some thousands, and each step adds its own.
+            assert mine.rad() < 2.0 ** (24 - 100)
 
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
