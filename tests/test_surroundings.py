@@ -22,7 +22,8 @@ def plain() -> dict[str, str]:
 
 
 def test_every_public_function_is_called() -> None:
-    assert {name for name in CALLS if name not in COMMANDS} == set(public())
+    called = [name for names in CALLS if names not in COMMANDS for name in names.split()]
+    assert sorted(called) == sorted(public())
 
 
 @pytest.mark.parametrize("state", STATES)
