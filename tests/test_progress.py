@@ -29,7 +29,7 @@ _CALLS = {
 
 
 _LONG = {
-    "limit cycle": lambda: tv.Disk("table1").limit_cycle("30.4", digits=40),
+    "limit cycle": lambda: tv.Disk("table1").limit_cycle("30.4", digits=32),
     "cycle next to Omega_h": lambda: tv.Disk("table1").limit_cycle(above_het="1e-3", digits=20),
     "monodromy matrix": lambda: tv.Disk("table1").limit_cycle("30.41").monodromy,
     # A disk that no other test asks: Omega_h is kept

@@ -68,7 +68,7 @@ def test_questions_are_where_the_rules_put_them(kind: str) -> None:
 def test_the_further_methods_agree() -> None:
     for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
         entries = [entry for entry in entries_of(stored()) if entry.item.kind == kind]
-        for entry in random.Random(7).sample(entries, min(4, len(entries))):
+        for entry in random.Random(7).sample(entries, min(2, len(entries))):
             values = entry.values("doubles")
             answers = confirmed(case_of(entry.item, "doubles"), values)
             assert any(answers.values()) or entry.item.friction == "both"

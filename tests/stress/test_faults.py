@@ -83,7 +83,10 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
 
 @pytest.mark.parametrize(
     ("number", "count"),
-    [(signal.SIGKILL, 3), pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7))],
+    [
+        pytest.param(signal.SIGKILL, 3, marks=pytest.mark.slow(minutes=0.2)),
+        pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7)),
+    ],
 )
 def test_strikes_leave_whole_files(number: int, count: int, tmp_path: Path) -> None:
     assert len(list(_strikes(tmp_path, count, number))) == count
