@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.peers import PEERS
-from tippedisk_verify.bench.problems import PROBLEMS, problem_named
+from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.bench.race import Score, raced, ratios
 from tippedisk_verify.figures.race import draw_bench
 
@@ -104,7 +104,3 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
     assert [row["scipy_over_heyoka"] for row in found] == [10.0, 300.0, 150.0, None, None]
     assert [row["peer_over_heyoka"] for row in found] == [50.0, 50.0, 25.0, 25.0, None]
     assert (found[-1]["scipy"], found[-1]["peer"], found[-1]["heyoka_seconds"]) == (None, None, 2.0)
-
-
-def test_problems_are_named_once() -> None:
-    assert len({problem.name for problem in PROBLEMS}) == len(PROBLEMS)
