@@ -28,7 +28,6 @@ from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
-    quantity_definitions,
     stored,
     table_rows,
 )
@@ -48,21 +47,6 @@ def test_the_files_are_those_of_the_manifest_and_of_the_form_of_the_schema() -> 
     report = check(data_folder(), sample=0)
     assert report.faults == ()
     assert report.numbers > 20_000
-
-
-def test_every_kind_is_there_for_every_set(store: Store) -> None:
-    kinds = {(quantity.kind, quantity.set) for quantity in store.values()}
-    assert kinds == {(kind, name) for kind in quantity_definitions() for name in SETS}
-    laws = {(quantity.kind, quantity.friction) for quantity in store.values()}
-    for kind in (
-        "rhs",
-        "trajectory",
-        "limit-cycle",
-        "heteroclinic",
-        "near-heteroclinic",
-        "rotating-cycle",
-    ):
-        assert {(kind, "linear"), (kind, "smooth")} <= laws
 
 
 def test_numbers_have_34_digits_and_omega_h_100_by_two_methods(store: Store) -> None:
