@@ -211,7 +211,7 @@ def test_derivatives_by_parameters_hold_differences(named, friction, symbols) ->
     """Compare with motions to forty digits, moved by 1e-12, at the end and on the way."""
     step, times = Fraction(1, 10**12), [Fraction(1, 2), 1, 2]
     disk = tv.Disk(named, friction=friction)
-    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", *symbols))
+    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", "omega", *symbols))
     for symbol in symbols:
         value = getattr(disk, symbol)
         ahead, behind = (
@@ -228,7 +228,8 @@ def test_derivatives_by_parameters_hold_differences(named, friction, symbols) ->
         # Twelve digits of the motion leave eleven of its derivatives.
         assert (slope.uncertainty < 1e-11 * (1 + abs(truth))).all()
     assert numpy.array_equal(mine.by["gamma"].end, mine.transition[:, 1])
-    assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", *symbols}
+    assert numpy.array_equal(mine.by["omega"].end, mine.by_omega)
+    assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", "omega", *symbols}
 
 
 def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
