@@ -275,26 +275,25 @@ CALLS: dict[str, Callable[[], Any]] = {
     **{line: partial(ran, line.split()) for line in COMMANDS},
 }
 
-#: What takes longer than two seconds, and longer than a fifth of one.
-SLOW = (
-    "BasinBoundary.margin BasinBoundary.sheets",
-    "Disk.speed",
-    "Solution.to_dict",
-    "Certifier.heteroclinic",
-    "Heteroclinic.orbit Heteroclinic.samples",
-    "Taylor.__call__",
-    "cycle_above",
-    "race",
-    "Certifier.near_omega_h",
-    "Certifier.branch",
-    "Certifier.limit_cycle",
-    "Cycle.sensitivity",
-    "Disk.sensitivity",
-    "Disk.near_heteroclinic",
-    "Disk.rotation_fold",
-    "Disk.slow_manifold",
-    "analyse_slow_manifold",
-)
+#: The minutes of what takes longer than two seconds.
+SLOW = {
+    "Certifier.branch": 0.5,
+    "Disk.sensitivity": 0.3,
+    "Disk.rotation_fold": 0.3,
+    "Cycle.sensitivity": 0.2,
+    "Certifier.limit_cycle": 0.2,
+    "analyse_slow_manifold": 0.15,
+    "Heteroclinic.orbit Heteroclinic.samples": 0.15,
+    "cycle_above": 0.1,
+    "Disk.near_heteroclinic": 0.1,
+    "race": 0.1,
+    "Certifier.heteroclinic": 0.1,
+    "Disk.slow_manifold": 0.1,
+    "Solution.to_dict": 0.1,
+    "Certifier.near_omega_h": 0.1,
+    "Taylor.__call__": 0.1,
+}
+#: What takes longer than a fifth of a second.
 LONG = (
     *SLOW,
     "balanced_cycle",
@@ -310,6 +309,8 @@ LONG = (
     "Disk.rotating_branch",
     "Disk.rotating_cycle",
     "Disk.scene",
+    "Disk.speed",
+    "BasinBoundary.margin BasinBoundary.sheets",
     "Certifier.fold",
     "Solution.save",
     *(name for name in CALLS if name.startswith("Solution.message")),

@@ -41,7 +41,7 @@ def test_a_state_of_the_caller_neither_changes_a_result_nor_is_changed(
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param(name, marks=[pytest.mark.slow(minutes=0.5)] * (name in SLOW))
+        pytest.param(name, marks=pytest.mark.slow(minutes=SLOW[name]) if name in SLOW else ())
         for name in CALLS
         if name in LONG
     ],
