@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -125,23 +126,21 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     """
     store = reading.stored()
     asked = questions(store, sets=["table1"], levels=[1])[::80]
-    rows = {"csv": sheet_csv, "json": sheet_json}[form](store, asked).splitlines()
-    filled = []
-    end, said = {
-        "csv": (",,", ",doubles,{}"),
-        "json": ('"from": "", "answer": ""', '"from": "doubles", "answer": "{}"'),
+    written, empty, filled = {
+        "csv": (sheet_csv, r"(?m),,$", ",doubles,1.5"),
+        "json": (sheet_json, r'"from": "", "answer": ""', '"from": "doubles", "answer": "1.5"'),
     }[form]
-    for n, quantity in enumerate(asked, start=1):
-        question, _, rest = rows[n].rpartition(end)
-        rows[n] = question + said.format(store[quantity.id].values["doubles"][0]) + rest
-        filled.append(question.encode())
+    text = written(store, asked)
+    rows = [
+        re.split(empty, line)[0].encode() for line in text.splitlines() if re.search(empty, line)
+    ]
     path, draw, told = tmp_path / f"sheet.{form}", random.Random(8), 0
-    path.write_text("\n".join(rows))
+    path.write_text(re.sub(empty, filled, text))
     whole, content = read_answers(path, store), path.read_bytes()
     assert len(whole.given) == len(asked)
     assert not whole.altered_entries
     for _ in range(100):
-        question = draw.choice(filled)
+        question = draw.choice(rows)
         at = content.index(question) + draw.randrange(len(question))
         path.write_bytes(
             content[:at] + bytes([content[at] ^ 1 << draw.randrange(8)]) + content[at + 1 :]
