@@ -174,6 +174,7 @@ def test_the_text_of_the_equations_is_the_right_hand_side(problem: Problem) -> N
     random = np.random.default_rng(7)
     for _ in range(20):
         y = random.uniform([0.3, -3, -5], [2.8, 6, 5])
+        # Some hundred roundings of a double
         assert np.allclose(problem.scalar_rhs(0, y), problem.rhs(0, y), rtol=1e-13)
 
 
