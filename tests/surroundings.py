@@ -170,7 +170,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.hopf": lambda: DISK.hopf(),
     "Disk.integrate": lambda: [
         disk.integrate(
-            "30.4", START, 3, events=("section", "surface"), digits=digits, engine=engine
+            "30.4", START, 1, events=("section", "surface"), digits=digits, engine=engine
         )
         for disk, digits, engine in (
             (DISK, 12, None),
@@ -182,7 +182,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.jacobian": lambda: DISK.jacobian("30.4")(0, [1.5, 1.6, 0]),
     "Disk.limit_cycle": lambda: [
         LAW.limit_cycle("30.4"),
-        DISK.limit_cycle(below_crit="1e-9"),
+        DISK.limit_cycle(below_crit="1e-3"),
     ],
     "Disk.sensitivity": lambda: DISK.sensitivity(),
     "Disk.near_heteroclinic": lambda: DISK.near_heteroclinic(["1e-3", "1e-7"]),
