@@ -259,7 +259,7 @@ def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> Non
 
 def test_arguments_of_integrate_may_be_those_of_solve_ivp() -> None:
     disk = tv.Disk("table1")
-    one = disk.integrate("30.4", START, 1, t_eval="0.5", events="section", variations="omega")
+    one = disk.integrate("30.4", START, 1, t_eval="0.5", events="section")
     assert one.y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
     with pytest.raises(UnknownKeywordError, match=r"no atol: `digits` or `rtol`.*`engine`"):

@@ -116,8 +116,9 @@ LEVEL = tv.Event("level", lambda t, y: y[2] - 0.1, terminal=True)
 SMOOTH = tv.Disk("geometry", mu="0.31", B=Fraction(1, 4403), friction="smooth")
 SOLUTIONS = {
     "doubles": lambda: DISK.integrate(
-        DISK.omega_crit - 0.5, START, 3, events=("section", "turn"), variations=("state", "omega")
+        DISK.omega_crit - 0.5, START, 3, variations=("state", "omega")
     ),
+    "recorded": lambda: DISK.integrate("30.4", START, 3, events=("section", "turn")),
     "extended": lambda: DISK.integrate("30.4", START, (1, 2), digits=16),
     "wide": lambda: SMOOTH.integrate(
         "30.4", START, 1, digits=20, t_eval=["1/3", "pi/4", 1], events="section"
