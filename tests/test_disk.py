@@ -201,7 +201,7 @@ def test_times_are_exact(span) -> None:
         ("table1", "linear", ("e",)),
         ("table1", "smooth", ("mu",)),
         *(
-            pytest.param(named, friction, SYMBOLS, marks=pytest.mark.slow(minutes=0.5))
+            pytest.param(named, friction, SYMBOLS, marks=pytest.mark.slow(minutes=0.3))
             for named in ("table1", "geometry")
             for friction in LAWS
         ),

@@ -142,7 +142,7 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
         *((kind, 6) for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance")),
         ("slow-manifold", 6),
         *(
-            pytest.param(kind, 1, marks=pytest.mark.slow(minutes=1))
+            pytest.param(kind, 1, marks=pytest.mark.slow)
             for kind in ("trajectory", "limit-cycle", "rotating-cycle")
         ),
     ],
