@@ -27,6 +27,7 @@ import flint
 import gmpy2
 import mpmath
 import numpy as np
+import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import ran
@@ -108,6 +109,15 @@ def _framed(result: Any) -> str:
     return "refused"
 
 
+def _asked(result: Any, *questions: str | Callable[[Any], Any]) -> list[Any]:
+    """Ask a new result for attributes by name, which are called if they are methods, and by function."""
+    answers = []
+    for question in questions:
+        answer = getattr(result, question) if isinstance(question, str) else question(result)
+        answers.append(answer() if inspect.ismethod(answer) else answer)
+    return answers
+
+
 def _certified(proof: Any) -> str:
     return proof.certificate() if hasattr(proof, "certificate") else as_text(proof)
 
@@ -120,8 +130,10 @@ COMMANDS = (
     "reference show table1/linear/hopf/point/period",
     "nothing",
 )
-#: A call of each, by its name. What a result can be asked is asked of a new one, so that nothing
-#: was computed before.
+#: What every engine says of itself.
+_ENGINE = ("builds", "measures_error", "name")
+#: A call of each, or of several by their names. What a result can be asked is asked of a new one, so
+#: that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
     "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
     "balanced_cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
@@ -141,7 +153,6 @@ CALLS: dict[str, Callable[[], Any]] = {
     ),
     "heteroclinic": lambda: tv.heteroclinic(DISK, tv.Taylor()),
     "hopf_point": lambda: tv.hopf_point(DISK, 1000),
-    "limit_cycle": lambda: tv.limit_cycle(DISK, "30.4", tv.Taylor()),
     "omega_crit": lambda: [tv.omega_crit(DISK, digits) for digits in (12, 50)],
     "one_harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
     "period_crit": lambda: tv.period_crit(DISK),
@@ -151,7 +162,6 @@ CALLS: dict[str, Callable[[], Any]] = {
     "scene_named": lambda: tv.scene_named("a"),
     "Disk.basin_boundary": lambda: DISK.basin_boundary("31.4"),
     "Disk.basins": lambda: DISK.basins("30.4", count=30, duration=5),
-    "Disk.branch": lambda: DISK.branch(["30.4", "30.6"]),
     "Disk.certify": lambda: DISK.certify,
     "Disk.equilibrium": lambda: DISK.equilibrium("inverted", "30.4"),
     "Disk.folds": lambda: tv.Disk("table1", A="0.2455e-3").folds(),
@@ -160,7 +170,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Disk.hopf": lambda: DISK.hopf(),
     "Disk.integrate": lambda: [
         disk.integrate(
-            "30.4", START, 3, events=("section", "surface"), digits=digits, engine=engine
+            "30.4", START, 1, events=("section", "surface"), digits=digits, engine=engine
         )
         for disk, digits, engine in (
             (DISK, 12, None),
@@ -171,9 +181,8 @@ CALLS: dict[str, Callable[[], Any]] = {
     ],
     "Disk.jacobian": lambda: DISK.jacobian("30.4")(0, [1.5, 1.6, 0]),
     "Disk.limit_cycle": lambda: [
-        DISK.limit_cycle("30.4"),
         LAW.limit_cycle("30.4"),
-        DISK.limit_cycle(below_crit="1e-9"),
+        DISK.limit_cycle(below_crit="1e-3"),
     ],
     "Disk.sensitivity": lambda: DISK.sensitivity(),
     "Disk.near_heteroclinic": lambda: DISK.near_heteroclinic(["1e-3", "1e-7"]),
@@ -197,41 +206,48 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Certifier.limit_cycle": lambda: _certified(DISK.certify.limit_cycle("30.8")),
     "Certifier.stability": lambda: DISK.certify.stability(),
     "Solution.__call__": lambda: DISK.integrate("30.4", START, 2)([0.1, 1.3]),
-    "Solution.message": lambda: DISK.integrate("30.4", START, 1).message,
-    "Solution.plot": lambda: DISK.integrate("30.4", START, 1).plot(),
+    "Solution.message Solution.plot Solution.to_dataframe Solution.success": lambda: _asked(
+        DISK.integrate("30.4", START, 1), "message", "plot", _framed, "success"
+    ),
     "Solution.save": lambda: _loaded(DISK.integrate("30.4", START, 1, digits=20)).to_dict(),
-    "Solution.to_dataframe": lambda: _framed(DISK.integrate("30.4", START, 1)),
-    "Solution.success": lambda: DISK.integrate("30.4", START, 1).success,
-    "Solution.t_events": lambda: DISK.integrate("30.4", START, 2, events="turn").t_events,
+    "Solution.t_events Solution.y_events": lambda: _asked(
+        DISK.integrate("30.4", START, 2, events="turn"), "t_events", "y_events"
+    ),
     "Solution.to_dict": lambda: DISK.integrate(
         "30.4", START, 2, variations=("state", "omega")
     ).to_dict(),
-    "Solution.y_events": lambda: DISK.integrate("30.4", START, 2, events="turn").y_events,
-    "Cycle.monodromy": lambda: DISK.limit_cycle("30.4").monodromy,
-    "Cycle.__call__": lambda: DISK.limit_cycle("30.4")([0.1, 1.3]),
-    "Cycle.floquet_vectors": lambda: DISK.limit_cycle("30.4").floquet_vectors,
+    "limit_cycle Cycle.__call__ Cycle.orbit Cycle.multipliers Cycle.floquet_vectors": lambda: (
+        _asked(
+            tv.limit_cycle(DISK, "30.4", tv.Taylor()),
+            *(lambda cycle: cycle, lambda cycle: cycle([0.1, 1.3])),
+            *(lambda cycle: cycle.orbit(20), "multipliers", "floquet_vectors"),
+        )
+    ),
+    "Cycle.monodromy Cycle.plot Cycle.save": lambda: _asked(
+        DISK.limit_cycle("30.4"), "monodromy", "plot", _loaded
+    ),
     "Cycle.sensitivity": lambda: DISK.limit_cycle("30.4").sensitivity,
-    "Cycle.multipliers": lambda: DISK.limit_cycle("30.4").multipliers,
-    "Cycle.orbit": lambda: DISK.limit_cycle("30.4").orbit(20),
-    "Cycle.save": lambda: _loaded(DISK.limit_cycle("30.4")),
     "load": lambda: _loaded(DISK.limit_cycle("30.4", digits=20)),
-    "Cycle.plot": lambda: DISK.limit_cycle("30.4").plot(),
-    "Branch.missing": lambda: DISK.branch(["30.4", "31"]).missing,
-    "Branch.of": lambda: DISK.branch(["30.4"]).of([DISK.limit_cycle("30.5")]),
-    "Branch.points": lambda: DISK.branch(["30.4"]).points,
-    "Branch.restart": lambda: DISK.branch(["30.4"]).restart("Omega_crit", 3),
-    "Branch.stable": lambda: DISK.branch(["30.4", "31"]).stable,
-    "Branch.plot": lambda: DISK.branch(["30.4", "30.5"]).plot(),
-    "Branch.to_dataframe": lambda: _framed(DISK.branch(["30.4"])),
-    "Branch.to_dict": lambda: DISK.branch(["30.4"]).to_dict(),
-    "Heteroclinic.orbit": lambda: DISK.heteroclinic().orbit(20),
+    "Disk.branch Branch.missing Branch.stable Branch.plot Branch.to_dict": lambda: _asked(
+        DISK.branch(["30.4", "31"]), lambda branch: branch, "missing", "stable", "plot", "to_dict"
+    ),
+    "Branch.of Branch.points Branch.restart Branch.to_dataframe": lambda: _asked(
+        DISK.branch(["30.4"]),
+        *(lambda branch: branch.of([DISK.limit_cycle("30.5")]), "points"),
+        *(lambda branch: branch.restart("Omega_crit", 3), _framed),
+    ),
     "race": lambda: [
         one.error
         for one in tv.race({}, problems=["transient"], against=["taylor"], progress=False).scores
     ],
-    "Heteroclinic.samples": lambda: DISK.heteroclinic().samples(20),
-    "BasinBoundary.margin": lambda: DISK.basin_boundary("31.4").margin((1.5, 1, 0)),
-    "BasinBoundary.sheets": lambda: DISK.basin_boundary("31.4").sheets(1.0, 0.0),
+    "Heteroclinic.orbit Heteroclinic.samples": lambda: _asked(
+        DISK.heteroclinic(),
+        *(lambda connection: connection.orbit(20), lambda connection: connection.samples(20)),
+    ),
+    "BasinBoundary.margin BasinBoundary.sheets": lambda: _asked(
+        DISK.basin_boundary("31.4"),
+        *(lambda basin: basin.margin((1.5, 1, 0)), lambda basin: basin.sheets(1.0, 0.0)),
+    ),
     "Measured.compared": lambda: tv.Measured.compared("0.1", "0.100001", tv.DOUBLE.epsilon),
     "Measured.contains": lambda: tv.Measured.of(1, "0.1").contains(tv.Measured.of(1, "0.01")),
     "Measured.decimals": lambda: tv.Measured.of("1/3", "1e-300").decimals(),
@@ -243,12 +259,12 @@ CALLS: dict[str, Callable[[], Any]] = {
         np.sqrt(tv.Measured.of("2.5", "1e-9")),
     ],
     "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
-    "Taylor.builds": lambda: tv.Taylor().builds,
-    "Taylor.measures_error": lambda: tv.Taylor().measures_error,
-    "Taylor.name": lambda: tv.Taylor().name,
-    "Baseline.builds": lambda: tv.Baseline().builds,
-    "Baseline.measures_error": lambda: tv.Baseline().measures_error,
-    "Baseline.name": lambda: tv.Baseline().name,
+    **{
+        " ".join(f"{kind.__name__}.{name}" for name in _ENGINE): partial(
+            lambda kind: _asked(kind(), *_ENGINE), kind
+        )
+        for kind in (tv.Taylor, tv.Baseline)
+    },
     "Taylor.__call__": lambda: (
         tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state
     ),
@@ -259,34 +275,32 @@ CALLS: dict[str, Callable[[], Any]] = {
     **{line: partial(ran, line.split()) for line in COMMANDS},
 }
 
-#: What takes longer than two seconds, and longer than a fifth of one.
-SLOW = (
-    "BasinBoundary.margin",
-    "Certifier.heteroclinic",
-    "Heteroclinic.orbit",
-    "Heteroclinic.samples",
-    "Taylor.__call__",
-    "cycle_above",
-    "race",
-    "Certifier.near_omega_h",
-    "Certifier.branch",
-    "Certifier.limit_cycle",
-    "Cycle.sensitivity",
-    "Disk.sensitivity",
-    "Disk.near_heteroclinic",
-    "Disk.rotation_fold",
-    "Disk.slow_manifold",
-    "analyse_slow_manifold",
-)
+#: The minutes of what takes longer than two seconds.
+SLOW = {
+    "Certifier.branch": 0.5,
+    "Disk.sensitivity": 0.3,
+    "Disk.rotation_fold": 0.3,
+    "Cycle.sensitivity": 0.2,
+    "Certifier.limit_cycle": 0.2,
+    "analyse_slow_manifold": 0.15,
+    "Heteroclinic.orbit Heteroclinic.samples": 0.15,
+    "cycle_above": 0.1,
+    "Disk.near_heteroclinic": 0.1,
+    "race": 0.1,
+    "Certifier.heteroclinic": 0.1,
+    "Disk.slow_manifold": 0.1,
+    "Solution.to_dict": 0.1,
+    "Certifier.near_omega_h": 0.1,
+    "Taylor.__call__": 0.1,
+}
+#: What takes longer than a fifth of a second.
 LONG = (
     *SLOW,
     "balanced_cycle",
     "bisect_omega_h",
     "grade",
     "heteroclinic",
-    "limit_cycle",
     "Disk.basin_boundary",
-    "Disk.branch",
     "Disk.folds",
     "Disk.harmonic_balance",
     "Disk.heteroclinic",
@@ -296,27 +310,16 @@ LONG = (
     "Disk.rotating_cycle",
     "Disk.scene",
     "Disk.speed",
+    "BasinBoundary.margin BasinBoundary.sheets",
     "Certifier.fold",
-    "Solution.plot",
     "Solution.save",
-    "Solution.to_dict",
-    "Cycle.__call__",
-    "Cycle.floquet_vectors",
-    "Cycle.monodromy",
-    "Cycle.multipliers",
-    "Cycle.orbit",
-    "Cycle.plot",
-    "Cycle.save",
+    *(name for name in CALLS if name.startswith("Solution.message")),
+    *(
+        name
+        for name in CALLS
+        if any(kind in name for kind in ("Cycle.", "Branch.")) and name not in SLOW
+    ),
     "load",
-    "Branch.missing",
-    "Branch.of",
-    "Branch.points",
-    "Branch.restart",
-    "Branch.stable",
-    "Branch.plot",
-    "Branch.to_dataframe",
-    "Branch.to_dict",
-    "BasinBoundary.sheets",
 )
 
 
@@ -352,23 +355,12 @@ def _decimals(traps: Sequence[Any]) -> Any:
 
 
 @contextlib.contextmanager
-def _mpmath() -> Iterator[None]:
-    before = mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec
-    mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec = 7, True, 7
-    try:
+def _changed(*changes: tuple[Any, str, Any]) -> Iterator[None]:
+    """Set attributes of the contexts of other libraries, given as owner, name and value."""
+    with pytest.MonkeyPatch.context() as patch:
+        for change in changes:
+            patch.setattr(*change)
         yield
-    finally:
-        mpmath.mp.prec, mpmath.mp.pretty, mpmath.iv.prec = before
-
-
-@contextlib.contextmanager
-def _flint() -> Iterator[None]:
-    before = flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode
-    flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode = 12, False, True
-    try:
-        yield
-    finally:
-        flint.ctx.prec, flint.ctx.pretty, flint.ctx.unicode = before
 
 
 @contextlib.contextmanager
@@ -379,13 +371,6 @@ def _short_integers() -> Iterator[None]:
         yield
     finally:
         sys.set_int_max_str_digits(before)
-
-
-@contextlib.contextmanager
-def _warnings() -> Iterator[None]:
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        yield
 
 
 @contextlib.contextmanager
@@ -409,7 +394,9 @@ STATES: dict[str, Callable[[], Any]] = {
     "NumPy prints": lambda: np.printoptions(precision=2, suppress=True, legacy="1.13"),
     "decimals that trap": lambda: _decimals(_SIGNALS),
     "decimals that trap nothing": lambda: _decimals(()),
-    "mpmath": _mpmath,
+    "mpmath": lambda: _changed(
+        (mpmath.mp, "prec", 7), (mpmath.mp, "pretty", True), (mpmath.iv, "prec", 7)
+    ),
     "gmpy2": lambda: gmpy2.context(
         precision=5,
         round=gmpy2.RoundUp,
@@ -419,9 +406,11 @@ STATES: dict[str, Callable[[], Any]] = {
         trap_underflow=True,
         trap_invalid=True,
     ),
-    "python-flint": _flint,
+    "python-flint": lambda: _changed(
+        (flint.ctx, "prec", 12), (flint.ctx, "pretty", False), (flint.ctx, "unicode", True)
+    ),
     "short integers": _short_integers,
-    "warnings": _warnings,
+    "warnings": lambda: warnings.catch_warnings(action="error"),
     "decimal commas": _decimal_commas,
 }
 

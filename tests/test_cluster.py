@@ -178,9 +178,8 @@ def test_a_port_without_a_scheduler(
     with socket.create_server(("127.0.0.1", 0)) as server:  # accepts, and never says a word
         silent = f"127.0.0.1:{server.getsockname()[1]}"
         if who != "worker":
-            monkeypatch.setattr(
-                module, "_SCHEDULER_TIMEOUT", 1.0
-            )  # s; nobody will ever answer there
+            # s; nobody will ever answer there
+            monkeypatch.setattr(module, "_SCHEDULER_TIMEOUT", 0.2)
         address = silent if who == "silent" else workers(host)[0]
         assert f"no Dask scheduler answers at {address}" in _fails(sweep, address, 2, capfd)
     assert not sweep.journal.exists()

@@ -73,6 +73,7 @@ LONG = (
     "certify check",
     "conformance run",
     "reference check",
+    "slow-manifold --order 2",
     "sweep",
     "basin",
     "heteroclinic --digits",

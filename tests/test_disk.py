@@ -12,9 +12,7 @@ from scipy.integrate import solve_ivp
 
 import tippedisk_verify as tv
 from tippedisk_verify.errors import UnknownKeywordError
-from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.theory import one_harmonic_law, slow_manifold
 
@@ -106,17 +104,18 @@ def test_invalid_arguments_give_one_line(make, word) -> None:
 # ------------------------------------------------------------------------------------------- motion
 @pytest.mark.parametrize("friction", LAWS)
 def test_a_solution_agrees_with_scipys(friction) -> None:
-    """Compare times, shape and numbers with `solve_ivp`'s on the same equations."""
+    """Compare times, shape and numbers with `solve_ivp`'s on the disk's own right-hand side."""
     disk = tv.Disk("table1", friction=friction)
-    constants = disk.at(DOUBLE)
-    times = numpy.linspace(0, 2, 21)
+    rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
+    start, times = [math.pi / 2, math.pi / 2 + 0.4, 0.0], numpy.linspace(0, 2, 21)
     mine = disk.integrate("30.4", START, 2, t_eval=times)
     theirs = solve_ivp(
-        lambda t, y: field(math, constants, 30.4, friction)(*y),
+        rhs,
         (0, 2),
-        (math.pi / 2, math.pi / 2 + 0.4, 0.0),
+        start,
         "DOP853",
         times,
+        vectorized=True,
         rtol=1e-12,  # by a thousand steps below what is compared
         atol=1e-12,  # likewise: states are of order 1
     )
@@ -125,11 +124,17 @@ def test_a_solution_agrees_with_scipys(friction) -> None:
     assert mine.y.shape == mine.uncertainty.shape == theirs.y.shape
     # DOP853's error at this tolerance, where the smooth law's field bends
     assert abs(mine.y - theirs.y).max() < 1e-8
-    assert (mine.uncertainty < 1e-11).all()
+    assert (mine.uncertainty < 1e-11).all()  # eleven digits of states of order 1
     # The polynomial at a rounded time: its rounding times the largest rate of some hundred
     assert abs(mine(times[3]) - mine.y[:, 3]).max() < 1e-12
     assert mine(times[:4]).shape == (3, 4)
     assert mine.disk.friction == friction
+    assert rhs(0.0, mine.y)[:, 7].tolist() == rhs(1.0, mine.y[:, 7]).tolist()
+    assert jac(0.0, mine.y).shape == (3, *mine.y.shape)
+    step, at = 1e-6, [1.2, 1.9, 0.7]
+    ahead, behind = (rhs(0, (at + way * numpy.eye(3)).T) for way in (step, -step))
+    # Rates of 1e4: their rounding over the step
+    assert numpy.allclose(jac(0, at), (ahead - behind) / (2 * step), rtol=1e-5, atol=1e-3)
 
 
 def test_a_run_that_ends_early_ends_with_its_end() -> None:
@@ -190,43 +195,23 @@ def test_times_are_exact(span) -> None:
     assert len(disk.integrate("30.4", START, span).t) == 201
 
 
-@pytest.mark.parametrize("friction", LAWS)
-@pytest.mark.slow
-def test_derivatives_of_the_end_are_those_of_difference_quotients(friction) -> None:
-    """Compare with motions to thirty digits, moved by 1e-10: the quotients have some 18 digits."""
-    disk, step = tv.Disk("table1", friction=friction), Fraction(1, 10**10)
-    start, omega = [Fraction("1.2"), Fraction("1.5"), Fraction("0.3")], Fraction("30.4")
-    mine = disk.integrate(omega, start, "0.3", variations=("state", "omega"))
-    columns = []
-    for place in range(4):
-        ends = []
-        for moved in (step, -step):
-            values = [value + moved * (n == place) for n, value in enumerate((*start, omega))]
-            ends.append(disk.integrate(values[3], values[:3], "0.3", digits=30).end.state)
-        columns.append(((ends[0] - ends[1]) / tv.bits(160).number(2 * step)).astype(float))
-    away = abs(numpy.column_stack((mine.transition, mine.by_omega)) - numpy.column_stack(columns))
-    widths = numpy.column_stack((mine.transition_uncertainty, mine.by_omega_uncertainty))
-    assert (away <= widths + numpy.spacing(abs(numpy.column_stack(columns)))).all()
-    assert (widths < 1e-11).all()  # twelve digits of derivatives of order 10
-    assert mine.to_dict()["by_omega"][0]["value"].startswith(f"{mine.by_omega[0]:.10f}"[:10])
-
-
 @pytest.mark.parametrize(
-    ("friction", "named", "symbols"),
+    ("named", "friction", "symbols"),
     [
-        ("linear", "table1", ("mu",)),
+        ("table1", "linear", ("e",)),
+        ("table1", "smooth", ("mu",)),
         *(
-            pytest.param(friction, named, SYMBOLS, marks=pytest.mark.slow(minutes=0.5))
+            pytest.param(named, friction, SYMBOLS, marks=pytest.mark.slow(minutes=0.3))
+            for named in ("table1", "geometry")
             for friction in LAWS
-            for named in ("table1", "calibrated", "geometry")
         ),
     ],
 )
-def test_derivatives_by_parameters_hold_differences(friction, named, symbols) -> None:
+def test_derivatives_by_parameters_hold_differences(named, friction, symbols) -> None:
     """Compare with motions to forty digits, moved by 1e-12, at the end and on the way."""
     step, times = Fraction(1, 10**12), [Fraction(1, 2), 1, 2]
     disk = tv.Disk(named, friction=friction)
-    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", *symbols))
+    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", "omega", *symbols))
     for symbol in symbols:
         value = getattr(disk, symbol)
         ahead, behind = (
@@ -243,19 +228,19 @@ def test_derivatives_by_parameters_hold_differences(friction, named, symbols) ->
         # Twelve digits of the motion leave eleven of its derivatives.
         assert (slope.uncertainty < 1e-11 * (1 + abs(truth))).all()
     assert numpy.array_equal(mine.by["gamma"].end, mine.transition[:, 1])
-    assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", *symbols}
+    assert numpy.array_equal(mine.by["omega"].end, mine.by_omega)
+    assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", "omega", *symbols}
 
 
-@pytest.mark.slow
 def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
     rough, sharp = (
         tv.Disk("table1").integrate("30.4", START, 1, digits=digits, variations="m").by["m"]
-        for digits in (18, 30)
+        for digits in (20, 26)
     )
     away = abs((rough.y - sharp.y).astype(float))
     assert (away <= rough.uncertainty).all()
-    # Eighteen digits of numbers up to ten
-    assert (rough.uncertainty < 1e-17).all()
+    # Twenty digits of numbers up to ten
+    assert (rough.uncertainty < 1e-19).all()
 
 
 @pytest.mark.slow
@@ -272,38 +257,13 @@ def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> Non
     assert not rest.by["B"].end.any()
 
 
-@pytest.mark.parametrize("friction", LAWS)
-def test_the_equations_serve_other_solvers(friction) -> None:
-    disk = tv.Disk("table1", friction=friction)
-    rhs, jac = pickle.loads(pickle.dumps((disk.rhs("30.4"), disk.jacobian("30.4"))))
-    start = [math.pi / 2, math.pi / 2 + 0.4, 0.0]
-    # Of a step
-    theirs = solve_ivp(rhs, (0, 2), start, "Radau", jac=jac, rtol=1e-9, atol=1e-9, vectorized=True)
-    mine = disk.integrate("30.4", START, (0, 2), t_eval=theirs.t)
-    # A thousand tolerances: some hundred steps, whose errors grow
-    assert abs(mine.y - theirs.y).max() < 1e-6
-    assert rhs(0.0, mine.y).shape == mine.y.shape
-    assert rhs(0.0, mine.y)[:, 7].tolist() == rhs(1.0, mine.y[:, 7]).tolist()
-    assert jac(0.0, mine.y).shape == (3, *mine.y.shape)
-    step = 1e-6
-    moved = (rhs(0, (start + step * numpy.eye(3)).T) - rhs(0, (start - step * numpy.eye(3)).T)) / (
-        2 * step
-    )
-    # Rates of 1e4: their rounding over the step
-    assert numpy.allclose(jac(0, start), moved, rtol=1e-5, atol=1e-3)
-
-
-def test_one_event_or_time_needs_no_list() -> None:
+def test_arguments_of_integrate_may_be_those_of_solve_ivp() -> None:
     disk = tv.Disk("table1")
-    assert disk.integrate(
-        "30.4", START, 1, t_eval="0.5", events="section", variations="omega"
-    ).y.shape == (3, 1)
+    one = disk.integrate("30.4", START, 1, t_eval="0.5", events="section")
+    assert one.y.shape == (3, 1)
     assert disk.integrate("30.4", START, 1, events=None).events == ()
-
-
-def test_keywords_of_solve_ivp_are_explained() -> None:
     with pytest.raises(UnknownKeywordError, match=r"no atol: `digits` or `rtol`.*`engine`"):
-        tv.Disk("table1").integrate("30.4", START, 1, rtol=1e-9, atol=1e-9)
+        disk.integrate("30.4", START, 1, rtol=1e-9, atol=1e-9)
 
 
 # ------------------------------------------------------------------------------------- limit cycles
@@ -318,9 +278,8 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
     t, y = cycle.orbit(9)
     assert t[-1] == float(cycle.period)
     assert (y[:, 0] == y[:, -1]).all()  # the second half is the first one's image
-    constants = disk.at(DOUBLE)
     theirs = solve_ivp(
-        lambda t, y: field(math, constants, 30.4, friction)(*y),
+        disk.rhs("30.4"),
         (t[2], t[-1]),
         y[:, 2],
         "DOP853",
@@ -328,6 +287,7 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
         rtol=1e-12,  # by a thousand steps below what is compared
         atol=1e-12,  # likewise: states are of order 1
     )
+    # DOP853's error at this tolerance, where the smooth law's field bends
     assert abs(theirs.y - y[:, 2:]).max() < 1e-8
     _, shifted = cycle.orbit(9, shifted=True)
     # A rounding of pi/2, and one of the sum, of at most 4
@@ -337,11 +297,11 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
 
 def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
     disk = tv.Disk("table1")
-    sharp = disk.heteroclinic(digits=40).omega_h
+    sharp = disk.heteroclinic(digits=28).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
-        distance = sign * (disk.speed(**{way: "1e-20"}) - sharp.value)  # type: ignore[arg-type]
+        distance = sign * (disk.speed(**{way: "1e-12"}) - sharp.value)  # type: ignore[arg-type]
         # Twelve digits of it
-        assert abs(distance - Fraction("1e-20")) < Fraction("1e-32") + sharp.uncertainty
+        assert abs(distance - Fraction("1e-12")) < Fraction("1e-24") + sharp.uncertainty
 
 
 def test_a_half_width_is_formatted_so_that_it_holds() -> None:

@@ -77,18 +77,15 @@ def test_a_file_is_written_whole_first(step: str, struck: Struck, tmp_path: Path
 def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
     """Interrupt once the live bar has hidden the cursor; its thread draws on until the end."""
     ours, theirs = os.openpty()
-    arguments = [
-        "sweep",
-        "hopf",
-        "--over",
-        "g=9.7:9.9:99999",
-        "--executor",
-        "serial",
-        "--out",
-        str(tmp_path / "a.csv"),
-    ]
+    at_once = (
+        "import runpy; from tippedisk_verify import progress; progress._DELAY = 0.0; "
+        "runpy.run_module('tippedisk_verify', run_name='__main__')"
+    )
+    words = ["sweep", "hopf", "--over", "g=9.7:9.9:99999", "--executor", "serial", "--out"]
     process = subprocess.Popen(
-        [*PROGRAM, *arguments], stderr=theirs, env={**os.environ, "TERM": "xterm"}
+        [sys.executable, "-c", at_once, *words, str(tmp_path / "a.csv")],
+        stderr=theirs,
+        env={**os.environ, "TERM": "xterm"},
     )
     os.close(theirs)
     shown, hidden = bytearray(), False

@@ -64,7 +64,11 @@ def test_public_names_exist() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["", ".disk", ".model.measured", ".cycles.limit_cycle", ".cycles.monodromy"]
+    "name",
+    [
+        *("", ".model.measured", ".cycles.limit_cycle", ".cycles.monodromy"),
+        pytest.param(".disk", marks=pytest.mark.slow(minutes=0.2)),
+    ],
 )
 def test_the_examples_of_docstrings_run(name: str) -> None:
     module = import_module(f"tippedisk_verify{name}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.shares import parsed, shares
@@ -23,6 +23,7 @@ def test_quick(): ...
 """
 
 
+@settings(max_examples=40)
 @given(st.dictionaries(st.text(), st.floats(0.01, 100)), st.integers(1, 12), st.randoms())
 def test_every_study_has_one_share_in_any_order(
     minutes: dict[str, float], count: int, random
@@ -37,9 +38,9 @@ def test_every_study_has_one_share_in_any_order(
         sum(minutes[name] for name in minutes if found[name] == share)
         for share in range(1, count + 1)
     ]
-    # The share that got the last study of the longest one had least before it; what sums round off
-    # is far less.
-    assert max(loads) - min(loads) <= max(minutes.values(), default=0) * (1 + 1e-9)
+    # The share that got the last study of the longest one had least before it. A sum of some
+    # hundred numbers is rounded by less than a thousand units of 2^-53.
+    assert max(loads) - min(loads) <= max(minutes.values(), default=0) * (1 + 2.0**-40)
 
 
 def test_the_option_runs_one_share(pytester: pytest.Pytester) -> None:

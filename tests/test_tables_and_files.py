@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import csv
 import json
 import sys
 from dataclasses import fields
 from fractions import Fraction
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +15,8 @@ import pytest
 from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
+from tests.command_line import printed, rows_of
 from tippedisk_verify.bench.race import Score
-from tippedisk_verify.cli import main
 from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.figures.style import pyplot
@@ -26,14 +26,9 @@ HOPF = "table1/linear/hopf/point"
 NUMBERS = [field.name for field in fields(Score)][5:]  # after the texts
 
 
-def _table(path: Path) -> list[dict[str, str]]:
-    with open(path, encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
-
-
 def _assert_as_written(frame: Any, path: Path) -> None:
     """Check that a data frame has the columns of a file, and numbers that its half-widths hold."""
-    written = _table(path)
+    written = rows_of(path)
     assert set(frame.columns) == set(written[0])
     assert len(frame) == len(written)
     for name in (name for name in frame.columns if f"{name}_uncertainty" in frame.columns):
@@ -46,23 +41,26 @@ def _assert_as_written(frame: Any, path: Path) -> None:
 
 
 # -------------------------------------------------------------------------------------- data frames
+with_pandas = pytest.mark.skipif(find_spec("pandas") is None, reason="needs pandas")
+
+
+@with_pandas
 def test_a_solutions_data_frame_has_its_arrays_under_the_files_names(tmp_path: Path) -> None:
-    pytest.importorskip("pandas")
     solution = DISK.integrate("30.4", START, 1)
     frame = solution.to_dataframe()
     assert (frame["gamma"].to_numpy() == solution.y[1]).all()
     assert (frame["v_uncertainty"].to_numpy() == solution.uncertainty[2]).all()
     out = tmp_path / "motion.csv"
-    words = "integrate --omega 30.4 --state pi/2,pi/2+0.4,0 --time 1 --times 201 --quiet --out"
-    assert main([*words.split(), str(out)]) == 0
+    words = "integrate --omega 30.4 --state pi/2,pi/2+0.4,0 --time 1 --times 201 --quiet"
+    printed(f"{words} --out {out}")
     _assert_as_written(frame, out)
 
 
+@with_pandas
 def test_a_branchs_data_frame_has_a_row_for_a_missing_cycle(tmp_path: Path) -> None:
-    pytest.importorskip("pandas")
     branch, out = DISK.branch(["30.4", "31"]), tmp_path / "branch.csv"
     frame = branch.to_dataframe()
-    assert main(["branch", "--omegas", "30.4,31", "--quiet", "--out", str(out)]) == 0
+    printed(f"branch --omegas 30.4,31 --quiet --out {out}")
     _assert_as_written(frame, out)
     assert numpy.isnan(frame["period"][1])
     assert frame["status"][1] == branch.missing[0].status
@@ -71,8 +69,8 @@ def test_a_branchs_data_frame_has_a_row_for_a_missing_cycle(tmp_path: Path) -> N
     assert frame["omega_uncertainty"][0] > 0
 
 
+@with_pandas
 def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns() -> None:
-    pytest.importorskip("pandas")
     (row,) = (study := DISK.near_heteroclinic(["1e-2"])).rows
     (line,) = study.to_dataframe().to_dict("records")
     assert (line["period"], line["double_resolves"]) == (float(row.period), row.double_resolves)
@@ -81,8 +79,8 @@ def test_the_data_frame_next_to_omega_h_has_the_laws_in_columns() -> None:
     assert row.law[2].uncertainty <= line["law_of_three_terms_uncertainty"] < 1e-11
 
 
+@with_pandas
 def test_grades_and_scores_are_rows() -> None:
-    pytest.importorskip("pandas")
     report = tv.grade({f"{HOPF}/omega_crit": 30.88659268864, f"{HOPF}/period": 0.9})
     assert report.to_dataframe().to_dict("records") == [g.to_dict() for g in report.grades]
     what = {"problem": "cycle", "method": "mine", "family": "own", "setting": "1e-6"}
@@ -118,8 +116,9 @@ LEVEL = tv.Event("level", lambda t, y: y[2] - 0.1, terminal=True)
 SMOOTH = tv.Disk("geometry", mu="0.31", B=Fraction(1, 4403), friction="smooth")
 SOLUTIONS = {
     "doubles": lambda: DISK.integrate(
-        DISK.omega_crit - 0.5, START, 3, events=("section", "turn"), variations=("state", "omega")
+        DISK.omega_crit - 0.5, START, 3, variations=("state", "omega")
     ),
+    "recorded": lambda: DISK.integrate("30.4", START, 3, events=("section", "turn")),
     "extended": lambda: DISK.integrate("30.4", START, (1, 2), digits=16),
     "wide": lambda: SMOOTH.integrate(
         "30.4", START, 1, digits=20, t_eval=["1/3", "pi/4", 1], events="section"
@@ -214,18 +213,26 @@ def test_a_damaged_file_is_refused_in_one_line(change: Any, reason: str, tmp_pat
     assert "\n" not in str(fault.value)
 
 
-def test_a_result_is_saved_as_json_only(tmp_path: Path) -> None:
-    for result in (DISK.limit_cycle("30.4"), DISK.integrate("30.4", START, 1)):
-        with pytest.raises(tv.InputError, match=r"cycle\.csv' must end in \.json"):
-            result.save(tmp_path / "cycle.csv")
-    assert not list(tmp_path.iterdir())
+OWN = tv.FrictionLaw("own", lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / c.epsilon)
 
 
-def test_results_under_a_law_of_ones_own_are_not_saved(tmp_path: Path) -> None:
-    law = tv.FrictionLaw("own", lambda ops, gamma_y, c: -c.mu * c.m * c.g * gamma_y / c.epsilon)
-    solution = tv.Disk("table1", friction=law).integrate("30.4", START, "0.1")
-    with pytest.raises(tv.InputError, match="saved for the paper's friction laws only, not for"):
-        solution.save(tmp_path / "motion.json")
+@pytest.mark.parametrize(
+    ("result", "name", "reason"),
+    [
+        (lambda: DISK.limit_cycle("30.4"), "x.csv", r"x\.csv' must end in \.json"),
+        (lambda: DISK.integrate("30.4", START, 1), "x.csv", r"x\.csv' must end in \.json"),
+        (
+            lambda: tv.Disk("table1", friction=OWN).integrate("30.4", START, "0.1"),
+            "x.json",
+            "saved for the paper's friction laws only, not for",
+        ),
+    ],
+)
+def test_what_is_not_saved_has_a_reason(
+    result: Any, name: str, reason: str, tmp_path: Path
+) -> None:
+    with pytest.raises(tv.InputError, match=reason):
+        result().save(tmp_path / name)
     assert not list(tmp_path.iterdir())
 
 

@@ -276,7 +276,14 @@ def audit(taylor: Taylor) -> Iterator[Audit]:
         yield OneDisk(PRINTED, taylor)
 
 
-@pytest.mark.parametrize("claim", CLAIMS, ids=lambda claim: claim.name)
+@pytest.mark.parametrize(
+    "claim",
+    [
+        pytest.param(claim, marks=pytest.mark.slow if claim.name == "engines_agree" else ())
+        for claim in CLAIMS
+    ],
+    ids=lambda claim: claim.name,
+)
 def test_a_contrary_fact_changes_the_verdict(
     claim: Claim, audit: Audit, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -158,25 +158,13 @@ def test_the_command_writes_the_error_and_its_unit(tmp_path: Path, monkeypatch: 
 
 
 # ------------------------------------------------------------------------------------- the order
-def midpoint(rhs: Any, y: Any, times: Any, steps: int) -> list[Any]:
-    states, t, y = [], 0.0, np.array(y)
-    for end in times:
-        h = (end - t) / steps
-        for _ in range(steps):
-            y = y + h * np.array(rhs(0.0, y + h / 2 * np.array(rhs(0.0, y))))
-        t = end
-        states.append(y)
-    return states
-
-
-@pytest.mark.parametrize(("method", "order"), [(midpoint, 2), (runge_kutta, 4)])
 @pytest.mark.parametrize("setting", ["count", "step"])
-def test_methods_of_fixed_steps_have_their_order(method: Any, order: int, setting: str) -> None:
+def test_a_method_of_fixed_steps_has_its_order(setting: str) -> None:
     problem, counts = tv.problem_named("transient"), [8, 16, 32, 64]
 
     def solver(problem: Problem, value: float) -> Any:
         steps = value if setting == "count" else problem.times[0] / value
-        return method(problem.scalar_rhs, problem.start, problem.times, round(steps))
+        return runge_kutta(problem.scalar_rhs, problem.start, problem.times, round(steps))
 
     settings = counts if setting == "count" else [problem.times[0] / count for count in counts]
     race = tv.race({"mine": solver}, problems=problem, tolerances=settings, against=())
@@ -184,7 +172,7 @@ def test_methods_of_fixed_steps_have_their_order(method: Any, order: int, settin
     score, *_ = race.scores
     assert (score.order_points, score.order_cost) == (4, "setting")
     # The next term of the error is smaller by the largest step times the fast rate, 130 per second.
-    assert abs(score.order - order) < score.order_error + 130 * problem.times[0] / 8
+    assert abs(score.order - 4) < score.order_error + 130 * problem.times[0] / 8
     assert f"exponent {score.order:.2f} ± {score.order_error:.2f} by setting, 4 points" in str(race)
 
 

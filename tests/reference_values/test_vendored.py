@@ -121,34 +121,36 @@ for n = 1:5, q = tippedisk_values(n); printf('%s %.17g %.17g\\n', q.id, q.Omega,
 }
 
 
-@pytest.mark.parametrize(
-    ("form", "compiler", "suffix"),
-    [("c", "gcc", "c"), ("fortran", "gfortran", "f90"), ("octave", "octave-cli", "m")],
-)
-def test_a_test_file_is_a_program_s(form: str, compiler: str, suffix: str, tmp_path: Path) -> None:
-    if shutil.which(compiler) is None:
-        pytest.skip(f"no {compiler} here")
+def _output(language: str, source: str, folder: Path, *arguments: object) -> list[str]:
+    """Return the words that a program in a language prints, run in a folder."""
+    compiler, suffix = {
+        "c": ("gcc -std=c99 -Wall -Werror -o use", "c"),
+        "fortran": ("gfortran -o use", "f90"),
+        "octave": ("octave-cli --quiet", "m"),
+    }[language]
+    command = [*compiler.split(), f"use.{suffix}"]
+    if shutil.which(command[0]) is None:
+        pytest.skip(f"no {command[0]} here")
+    (folder / command[-1]).write_text(source)
+    if "-o" in command:
+        subprocess.run(command, check=True, cwd=folder)
+        command = ["./use"]
+    done = subprocess.run(
+        [*command, *map(str, arguments)], check=True, cwd=folder, capture_output=True, text=True
+    )
+    return done.stdout.split()
+
+
+@pytest.mark.parametrize("form", _USES)
+def test_a_test_file_is_a_program_s(form: str, tmp_path: Path) -> None:
+    known = tv.references("table1/linear/rhs/001")
     for name in ("values.h", "more.h"):
-        export(tv.references("table1/linear/rhs/001"), form, str(tmp_path / name))
-    (tmp_path / f"use.{suffix}").write_text(_USES[form])
-    if form == "octave":
-        program = [compiler, "use.m"]
-    else:
-        program = ["./use"]
-        subprocess.run([compiler, "-o", "use", f"use.{suffix}"], check=True, cwd=tmp_path)
-    output = subprocess.run(
-        program, check=True, cwd=tmp_path, capture_output=True, text=True
-    ).stdout
-    for line, quantity in zip(
-        output.splitlines(), tv.references("table1/linear/rhs/001"), strict=True
-    ):
-        id_, omega, value = line.split()
-        number = float.fromhex if form == "c" else float
-        assert (id_, number(value), number(omega)) == (
-            quantity.id,
-            quantity.for_doubles,
-            float(quantity.inputs["Omega"]),
-        )
+        export(known, form, str(tmp_path / name))
+    words = _output(form, _USES[form], tmp_path)
+    number = float.fromhex if form == "c" else float
+    assert words[::3] == [quantity.id for quantity in known]
+    assert [*map(number, words[1::3])] == [float(quantity.inputs["Omega"]) for quantity in known]
+    assert [*map(number, words[2::3])] == [quantity.for_doubles for quantity in known]
 
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
@@ -191,25 +193,12 @@ def test_the_lines_of_the_datas_page_read_every_digit(
         assert read == [row[name] for row in rows]
 
 
-@pytest.mark.parametrize(
-    ("language", "runs"),
-    [("c", "gcc"), pytest.param("octave", "octave-cli", marks=pytest.mark.slow)],
-)
-def test_the_programs_of_the_readme(language: str, runs: str, tmp_path: Path) -> None:
-    program = re.search(rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL)
-    assert program is not None
-    if shutil.which(runs) is None:
-        pytest.skip(f"no {runs} here")
-    (tmp_path / "read.c").write_text(program[1])
-    command = [runs, "--quiet", str(tmp_path / "read.c"), str(DATA / "values.csv")]
-    if language == "c":
-        subprocess.run(
-            ["gcc", "-std=c99", "-Wall", "-Werror", "-o", "read", "read.c"],
-            check=True,
-            cwd=tmp_path,
-        )
-        command = [str(tmp_path / "read"), str(DATA / "values.csv")]
-    done = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+@pytest.mark.parametrize("language", ["c", pytest.param("octave", marks=pytest.mark.slow)])
+def test_the_programs_of_the_readme(language: str, tmp_path: Path) -> None:
+    (program,) = re.findall(
+        rf"```{language}\n(.*?)```", (DATA / "README.md").read_text(), re.DOTALL
+    )
+    done = _output(language, program, tmp_path, DATA / "values.csv")
     if language == "c":
         assert dict(zip(done[::2], map(float, done[1::2]), strict=True)) == {
             id_: tv.reference(id_).for_doubles for id_ in stored() if id_.endswith("/omega_h")

@@ -181,7 +181,7 @@ def columns_of_doubles_have_a_unit(path: Path) -> None:
                 assert all(cell == repr(float(cell)) for cell in filled), f"{path.name}: {name}"
 
 
-@pytest.mark.parametrize("disk", ["table1", "geometry", "own.toml"])
+@pytest.mark.parametrize("disk", [pytest.param("table1", marks=pytest.mark.slow), "own.toml"])
 def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
     disk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -302,43 +302,6 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
     assert _contents(room) == before
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        # Bounds: one beyond what is had, or too much in all.
-        "hopf --digits 4001",
-        "heteroclinic --digits 1001",
-        "scene d --digits 13",
-        "slow-manifold --order 41",
-        "orbit --above-het 1e-30 --digits 1000",
-        "orbit --above-het 1e-801",
-        "harmonic-balance --omega 30.4 --harmonics 1025",
-        "basin --omega 30 --seconds 4",
-        "scene a --omega-h 0.05",
-        "basin --omega 30.4 --count 10000001",
-        "sweep hopf --over mu=0.3 --out o.csv --jobs 1000000",
-        "sweep hopf --over mu=0:1:1001 --over g=9:10:1000 --out o.csv",
-        "branch --omegas 30.4,1e300",
-        # No cycle is there.
-        "branch --omegas 31,31.5",
-        "branch --omegas 29",
-        "harmonic-balance --omega 4",
-        "orbit --omega 29",
-        # Words that do not go together, or are missing, or are nobody's.
-        "equilibria --omega 30.4 --below-crit 0.5",
-        "verify --only ,",
-        "verify omega_crit",
-        "scene",
-        "scene d --wrong",
-        "launch",
-    ],
-)
-def test_what_a_command_cannot_do_it_says(words: str, room: Path) -> None:
-    before = _contents(room)
-    assert len(assert_refused(words.split())) < 400
-    assert _contents(room) == before
-
-
 # ------------------------------------------------------------------------------------- from Python
 _DISK, _LANES, _ID = tv.Disk("table1"), tv.BatchTaylor(1), "table1/linear/hopf/point/period"
 _ENGINE, _OTHER = tv.Taylor(), tv.Baseline()

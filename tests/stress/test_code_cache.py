@@ -7,6 +7,7 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,7 @@ def small_cache(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
 
 @pytest.mark.parametrize(
     "seed",
-    [*range(3), *(pytest.param(n, marks=pytest.mark.slow(minutes=0.1)) for n in range(3, 9))],
+    [0, *(pytest.param(n, marks=pytest.mark.slow(minutes=0.1)) for n in range(1, 6))],
 )
 def test_damaged_code_is_not_run(seed: int, small_cache: tuple[Path, str], tmp_path: Path) -> None:
     """Run once with the damage, and once with what that run has made of it."""
@@ -130,6 +131,21 @@ def test_changed_entries_are_removed_and_others_kept(
     # When an entry was last used decides about nothing but what goes first.
     assert _starts(entries) == ((5, 500) if column == "last_access" else (4, 400))
     assert _is_noted(entries)
+
+
+@pytest.mark.parametrize("seed", range(9))
+@pytest.mark.parametrize("damage", _DAMAGE[1:])
+def test_a_damaged_file_keeps_whole_entries_or_none(
+    damage: Callable[[Path, random.Random], None], seed: int, entries: Path
+) -> None:
+    damage(entries, random.Random(seed))
+    heyoka = Mock()
+    code_cache.use_checked_cache(heyoka)
+    assert heyoka.set_diskcache_enabled.call_args.args == (True,)
+    changed = (
+        "SELECT count(*) FROM cache WHERE obj <> zeroblob(100) OR env_fingerprint <> 'version'"
+    )
+    assert not entries.exists() or _done(entries, changed) == [(0,)]
 
 
 def test_a_killed_run_leaves_what_it_has_compiled(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import json
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -30,10 +29,6 @@ pytestmark = pytest.mark.skipif(
 
 
 # ------------------------------------------------------------------------------ kill -9 and Ctrl-C
-def _sheet(folder: Path) -> list[str]:
-    return ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"]
-
-
 def _whole(folder: Path) -> int:
     """Check that every visible file is complete, old or new, and return their number."""
     found = [
@@ -52,7 +47,14 @@ def _whole(folder: Path) -> int:
     return len(found)
 
 
-def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
+@pytest.mark.parametrize(
+    ("number", "count"),
+    [
+        pytest.param(signal.SIGKILL, 3, marks=pytest.mark.slow(minutes=0.2)),
+        pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7)),
+    ],
+)
+def test_strikes_leave_whole_files(number: int, count: int, tmp_path: Path) -> None:
     """Strike runs that write into one folder at random moments, then let each run to its end."""
     folder = tmp_path / "out"
     folder.mkdir()
@@ -60,7 +62,7 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     commands = [
         [*GENERATE, str(folder / "data")],
         [*SWEEP, str(folder / "sweep.csv")],
-        _sheet(folder),
+        ["conformance", "questions", str(folder / "sheet.csv"), "--quiet"],
     ]
     ends = [
         struck.at_random(arguments, number, struck.lasts(arguments), count)
@@ -71,7 +73,6 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
         ended, _, told = next(ends[n % len(ends)])
         assert (ended, told) == ended_by(number)
         assert _whole(folder) >= files  # nothing that was there is lost or cut
-        yield ended
     for arguments in commands:
         assert run(arguments).returncode == 0
     assert _whole(folder) == files
@@ -79,14 +80,6 @@ def _strikes(tmp_path: Path, count: int, number: int) -> Iterator[int]:
     rows = rows_of(folder / "sweep.csv")
     assert (len(rows), {row["status"] for row in rows}) == (300, {"ok"})
     assert not list(folder.glob(".*journal"))
-
-
-@pytest.mark.parametrize(
-    ("number", "count"),
-    [(signal.SIGKILL, 1), pytest.param(signal.SIGINT, 40, marks=pytest.mark.slow(minutes=0.7))],
-)
-def test_strikes_leave_whole_files(number: int, count: int, tmp_path: Path) -> None:
-    assert len(list(_strikes(tmp_path, count, number))) == count
 
 
 def test_a_pool_that_is_killed_is_one_line(

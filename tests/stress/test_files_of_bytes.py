@@ -6,6 +6,7 @@ import ast
 import gzip
 import json
 import random
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -55,57 +56,30 @@ _TOKENS = (
 
 
 def damaged(content: bytes, draw: random.Random) -> bytes:
-    """Damage a file: turn bits, or cut, double, move or replace pieces, or truncate it."""
+    """Damage a file: turn a bit of pieces, or cut, double, replace, move or copy them."""
     found = bytearray(content)
     for _ in range(draw.randint(1, 4)):
-        at = draw.randrange(len(found) + 1)
-        size = draw.choice((1, 1, 2, 5, 20, 200))
-        kind = draw.randrange(7)
-        if kind == 0 and found:
-            found[at % len(found)] ^= 1 << draw.randrange(8)
-        elif kind == 1:
-            del found[at : at + size]
-        elif kind == 2:
-            found[at:at] = found[at : at + size]
-        elif kind == 3:
-            found[at : at + size] = draw.randbytes(min(size, len(found) - at))
-        elif kind == 4:
-            found[at:at] = draw.choice(_TOKENS)
-        elif kind == 5:
-            piece = found[at : at + size]
-            del found[at : at + size]
-            to = draw.randrange(len(found) + 1)
-            found[to:to] = piece
-        else:
-            del found[at:]
+        at, size = draw.randrange(len(found) + 1), draw.choice((1, 1, 2, 5, 20, 200, len(found)))
+        old = bytes(found[at : at + size])
+        turned = bytes(byte ^ 1 << draw.randrange(8) for byte in old[:1]) + old[1:]
+        token, noise = draw.choice(_TOKENS) + old, draw.randbytes(len(old))
+        found[at : at + size] = draw.choice((turned, b"", old * 2, noise, token))
+        to = draw.randrange(len(found) + 1)
+        found[to:to] = draw.choice((b"", b"", old))
     return bytes(found)
 
 
-def _fine(done: Ran) -> None:
-    assert done.status in (0, 1, 2), done
-    assert "Traceback" not in done.err
-    if done.status:
-        assert done.out == ""
-        assert done.err.count("\n") == 1, done
-        assert done.err.rstrip("\n").isprintable()
+_FILLED = {
+    ".json": (r'"answer": ""', '"answer": "30.9"'),
+    ".csv": (r"(?m)^(table1/.*)$", r"\g<1>30.9"),
+}
 
 
-def _sheet(folder: Path, name: str) -> bytes:
-    path = folder / name
-    assert (
-        ran(["conformance", "questions", str(path), "--set", "table1", "--levels", "4"]).status == 0
-    )
-    text = path.read_text(encoding="utf-8")
-    filled = text.replace(',"answer": ""', ', "answer": "30.9"').replace(
-        ', "answer": ""', ', "answer": "30.9"'
-    )
-    if name.endswith(".csv"):
-        filled = "".join(
-            line + ("30.9" if line.startswith("table1/") else "") + "\n"
-            for line in text.splitlines()
-        )
-    path.unlink()
-    return filled.encode()
+def _sheet(path: Path) -> bytes:
+    """Return a sheet of questions with an answer to each."""
+    words = ["conformance", "questions", str(path), "--set", "table1", "--levels", "4"]
+    assert ran(words).status == 0
+    return re.sub(*_FILLED[path.suffix], path.read_text(encoding="utf-8")).encode()
 
 
 # ------------------------------------------------------------------------------ one file at a time
@@ -118,22 +92,16 @@ def _parameter_files(folder: Path, draws: int) -> Iterator[Ran]:
 
 def _sheets(folder: Path, draws: int) -> Iterator[Ran]:
     draw = random.Random(2)
-    sheets = [("a.csv", _sheet(folder, "a.csv")), ("a.json", _sheet(folder, "a.json"))]
-    sheets.append(("b.json", json.dumps({"from": "doubles", "answers": {_ID: 30.9}}).encode()))
-    sheets.append(("b.csv", f"id,answer\n{_ID},30.9\n".encode()))
+    sheets = [
+        *((name, _sheet(folder / name)) for name in ("a.csv", "a.json")),
+        ("b.json", json.dumps({"from": "doubles", "answers": {_ID: 30.9}}).encode()),
+        ("b.csv", f"id,answer\n{_ID},30.9\n".encode()),
+    ]
     for n in range(draws):
         name, content = sheets[n % len(sheets)]
         (folder / name).write_bytes(damaged(content, draw))
-        yield ran(
-            [
-                "conformance",
-                "grade",
-                str(folder / name),
-                "--json",
-                "--html",
-                str(folder / "page.html"),
-            ]
-        )
+        page = ["--json", "--html", str(folder / "page.html")]
+        yield ran(["conformance", "grade", str(folder / name), *page])
 
 
 _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
@@ -146,7 +114,12 @@ _FUZZERS: dict[str, Callable[[Path, int], Iterator[Ran]]] = {
 @pytest.mark.parametrize("what", _FUZZERS)
 def test_damaged_files(what: str, draws: int, tmp_path: Path) -> None:
     for done in _FUZZERS[what](tmp_path, draws):
-        _fine(done)
+        assert done.status in (0, 1, 2), done
+        assert "Traceback" not in done.err
+        if done.status:
+            assert done.out == ""
+            assert done.err.count("\n") == 1, done
+            assert done.err.rstrip("\n").isprintable()
 
 
 # ------------------------------------------------------------------------------- shapes of trouble
@@ -168,7 +141,6 @@ def test_a_bad_compressed_file_is_refused(spoil: str, tmp_path: Path) -> None:
     shutil.copytree(data_folder(), data)
     text = (data / "values.csv").read_bytes()
     (data / "values.csv").unlink()
-    (data / "values.csv.gz").write_bytes(gzip.compress(text, 1))
     packed = {
         "bomb": gzip.compress(bytes(MAX_FILE_BYTES + 10), 1),
         "cut": gzip.compress(text, 1)[:-9],
