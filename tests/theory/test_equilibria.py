@@ -15,10 +15,8 @@ from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import bits
 from tippedisk_verify.model.results import Eigenvalue
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
@@ -28,36 +26,10 @@ from tippedisk_verify.theory.equilibria import (
     equilibrium,
     kind_changes,
     linearization,
-    location,
-    right_eigenvector,
     saddle_value_sign,
 )
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.real_roots import real_roots, square_root
-
-
-@pytest.mark.parametrize("name", ["inverted", "noninverted"])
-@settings(max_examples=30)
-@given(parameters=physical_parameters(), omega=decimals("1", "60"))
-def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
-    """Derive it a second time: the general Jacobian at the equilibrium, in 200 bits."""
-    precision = bits(200)
-    ctx = precision.context
-    constants = type(parameters.at(precision))(
-        *(precision.mpf(value) for value in parameters.at(precision))
-    )
-    state = [precision.mpf(precision.number(part)) for part in location(name)]
-    rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(
-        *state
-    )
-    matrix = linearization(parameters, omega, name)
-    expected = [[0, 0, 1], [matrix.omega, 0, 0], [matrix.A31, matrix.A32, matrix.A33]]
-    for row, expected_row in zip(rows, expected, strict=True):
-        for entry, value in zip(row, expected_row, strict=True):
-            # pi/2 is rounded to 200 bits, and second derivatives reach some 1e6 times the entries.
-            size = 1 + abs(matrix.A31) + abs(matrix.A32) + abs(matrix.A33)
-            assert abs(fraction(entry) - Fraction(value)) < size * Fraction(1, 2**170)
-
 
 Rows = list[list[Any]]
 
@@ -188,24 +160,6 @@ def test_eigenvalues_of_an_equilibrium(parameters, name, anywhere, side, nearnes
     first = found.eigenvalues[0].re  # of the largest real part
     if abs(first.value) > first.uncertainty:
         assert found.stable is (first.value < 0)
-
-
-def test_eigenvectors_of_the_saddle() -> None:
-    matrix = linearization(PRINTED, Fraction("30.4"), "noninverted")
-    for value in equilibrium(PRINTED, "30.4", "noninverted", 40).eigenvalues:
-        growth = value.re.value
-        x, y = (
-            right_eigenvector(matrix, growth),
-            ((growth - matrix.A33) * growth, matrix.A32, growth),
-        )
-        rows = ((0, 0, 1), (matrix.omega, 0, 0), (matrix.A31, matrix.A32, matrix.A33))
-        image = [sum(a * b for a, b in zip(row, x, strict=True)) for row in rows]
-        transposed = [
-            sum(row[column] * y[index] for index, row in enumerate(rows)) for column in range(3)
-        ]
-        for got, wanted in zip((*image, *transposed), (*x, *y), strict=True):
-            # The eigenvalue is known to 40 digits
-            assert abs(got - growth * wanted) < Fraction(1, 10**30)
 
 
 def test_refusals() -> None:
