@@ -82,9 +82,7 @@ def _slow(distance: str) -> object:
     return pytest.param(distance, marks=pytest.mark.slow(minutes=0.5))
 
 
-@pytest.mark.parametrize(
-    "distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))]
-)
+@pytest.mark.parametrize("distance", ["1e-14", *map(_slow, ("1e-16", "1e-40"))])
 @pytest.mark.slow
 def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -> None:
     """The law gamma_bar_0^2 = (Omega - Omega_crit) / c_1 and the period's law hold to their next
@@ -114,7 +112,7 @@ def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -
         "0.5",
         "1e-3",
         "1/3",
-        *map(_slow, ("1e-9", "1e-14", "1e-30", "0.83772442792105", "0.837724427921066")),
+        *map(_slow, ("1e-9", "1e-30", "0.837724427921066")),
     ],
 )
 def test_digits_are_consistent_below_omega_crit(distance: str) -> None:

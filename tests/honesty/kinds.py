@@ -506,7 +506,7 @@ KINDS = (
     Kind("next to Omega_h", partial(next_to_omega_h, law="linear"), 0, 2, 0.3),
     Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 0.5),
     # Eight times the largest of four errors that are four times as large.
-    Kind("by passages", by_passages, 0, 9, 4, widest=300),
+    Kind("by passages", by_passages, 0, 7, 3, widest=300),
     Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 3, 0.1),
     Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
     Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),
