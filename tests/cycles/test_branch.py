@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise
-from pathlib import Path
 
 import numpy
 import pytest
 from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
-from tests.command_line import answer, rows_of
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch import Branch, librating_branch, paper_speeds
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
@@ -33,22 +30,6 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
         for before, after in pairwise((start, *steps)):
             # The recursion in double: an ulp of Omega, 3.6e-15, per step.
             assert abs(after - (before + (end - before) / 100)) < 1e-14
-
-
-def test_command(tmp_path: Path) -> None:
-    out = tmp_path / "branch.csv"
-    result = answer(f"branch --omegas 30.6,30.4 --out {out}")
-    assert [float(orbit["omega"]["value"]) for orbit in result["orbits"]] == [30.6, 30.4]
-    rows = rows_of(out)
-    assert rows[1]["period"] == result["orbits"][1]["period"]["value"]
-
-
-def test_the_family_has_the_cycles_of_single_speeds_next_to_omega_crit(taylor) -> None:
-    # 7e-7 and 1e-7 rad/s below Omega_crit: the family's course ends before these speeds.
-    speeds = ["30.886592", "30.88659258"]
-    for cycle, speed in zip(librating_branch(GEOMETRY, taylor, omegas=speeds), speeds, strict=True):
-        assert cycle.omega == Fraction(speed)
-        assert (cycle.period - cycle_at(GEOMETRY, speed, taylor).period).holds(0)
 
 
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:

@@ -76,19 +76,6 @@ def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
     assert sorted(over)[len(over) // 2] < 20
 
 
-@pytest.mark.slow(minutes=0.5)
-def test_the_multipliers_law_near_omega_h(taylor) -> None:
-    """log mu_slow = 2 (nu - 1) log D + const, with nu = |lambda_s| / lambda_u = 1.22."""
-    unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
-    far, near = (
-        cycle_above(PRINTED, f"1e-{power}", taylor, digits=15).log_multiplier_slow
-        for power in (30, 50)
-    )
-    slope = float(far - near) / math.log(1e20)
-    # The remainder goes with D^(nu - 1), 2.5e-7 at the farther one, and the difference is 20.
-    assert abs(slope / (2 * (-slow / unstable - 1)) - 1) < 1e-6
-
-
 def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
     """Cycle by cycle in double, the difference of the slopes falls with the power of the law's
     remainder.

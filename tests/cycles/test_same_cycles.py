@@ -23,16 +23,26 @@ EMPTY = ["30.8866", "31.4", "30"]
 
 
 @pytest.mark.parametrize(
-    "law", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))]
+    ("law", "speeds"),
+    [
+        ("linear", SPEEDS[:2]),
+        *(
+            pytest.param(law, SPEEDS, marks=pytest.mark.slow(minutes=0.3))
+            for law in ("linear", "smooth")
+        ),
+    ],
+    ids=["two speeds", "linear", "smooth"],
 )
-def test_branch_sweep_and_limit_cycle_find_the_same(law: str, tmp_path: Path) -> None:
+def test_branch_sweep_and_limit_cycle_find_the_same(
+    law: str, speeds: list[str], tmp_path: Path
+) -> None:
     disk, table = tv.Disk("table1", friction=law), tmp_path / "sweep.csv"
-    branch = disk.branch(SPEEDS)
+    branch = disk.branch(speeds)
     assert not branch.missing
-    axis = f"omega={','.join(SPEEDS)}"
+    axis = f"omega={','.join(speeds)}"
     printed(f"sweep orbit --over {axis} --out {table} --friction {law} --jobs 1")
     rows = rows_of(table)
-    for speed, cycle, row in zip(SPEEDS, branch.cycles, rows, strict=True):
+    for speed, cycle, row in zip(speeds, branch.cycles, rows, strict=True):
         alone = disk.limit_cycle(speed)
         for name in ("period", "gamma_bar_0", "v_0", "beta_max", "multiplier_slow"):
             swept = Measured.of(row[name], row[f"{name}_uncertainty"])
@@ -67,21 +77,12 @@ def test_a_long_list_keeps_all_others(tmp_path: Path) -> None:
         tv.Disk("table1").branch(["31.4", "31.5"])
 
 
-@pytest.mark.slow(minutes=0.3)
-def test_rotating_cycles_keep_all_others_too() -> None:
-    rows = tv.Disk("table1").rotating_branch(["30.04", "29", "30.5"])
-    assert [getattr(row, "status", "ok") == "ok" for row in rows] == [True, True, False, True]
-    assert "turn round in a fold" in printed("branch --rotating --omegas 30.04,29,30.5")
-
-
 # --------------------------------------------------------------------------- next to the Hopf point
 def _slow(distance: str) -> object:
     return pytest.param(distance, marks=pytest.mark.slow(minutes=0.5))
 
 
-@pytest.mark.parametrize(
-    "distance", ["1e-14", *map(_slow, ("1e-13", "1e-15", "1e-16", "1e-20", "1e-40"))]
-)
+@pytest.mark.parametrize("distance", ["1e-14", *map(_slow, ("1e-16", "1e-40"))])
 @pytest.mark.slow
 def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -> None:
     """The law gamma_bar_0^2 = (Omega - Omega_crit) / c_1 and the period's law hold to their next
@@ -111,7 +112,7 @@ def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -
         "0.5",
         "1e-3",
         "1/3",
-        *map(_slow, ("1e-9", "1e-14", "1e-30", "0.83772442792105", "0.837724427921066")),
+        *map(_slow, ("1e-9", "1e-30", "0.837724427921066")),
     ],
 )
 def test_digits_are_consistent_below_omega_crit(distance: str) -> None:

@@ -112,10 +112,7 @@ def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> N
         if "times" in more:
             assert len(result.samples) == 2
         if "dense" in more:
-            assert (
-                max(abs(float(a) - b) for a, b in zip(result.dense([0.0])[0], state, strict=True))
-                <= 1e-12
-            )
+            assert [float(part) for part in result.dense([0.0])[0]] == list(state)
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
@@ -178,13 +175,15 @@ def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precis
     } | more
     result = taylor(Request(**wanted, events=(LEVEL,), precision=precision))
     assert result.status is Status.FLAT
-    # beta = 1e-10 falls at the rate 1; the rate changes by 1e-10 of itself times its slope.
-    assert abs(result.time - 1e-10) < 1e-16
+    # beta = 1e-10 falls at the rate 1. Within 1e-10 s the rate changes by 1e-10 of its slope, which
+    # is below 1e4 1/s.
+    curved = 1e-10 * 1e-10 * 1e4
+    assert abs(result.time - 1e-10) < curved
     if "times" in more:
-        assert abs(float(result.samples[0][0]) - 5e-11) < 1e-16
+        assert abs(float(result.samples[0][0]) - 5e-11) < curved
         assert len(result.samples) == 1
     if "dense" in more:
-        assert abs(float(result.dense([5e-11])[0][0]) - 5e-11) < 1e-16
+        assert abs(float(result.dense([5e-11])[0][0]) - 5e-11) < curved
 
 
 def test_a_start_on_the_edge_of_the_domain_is_its_end(taylor: Taylor) -> None:

@@ -86,14 +86,7 @@ def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) 
             _assert_held(few[value], few[name], many[value], many[name], value)
 
 
-@pytest.mark.parametrize(
-    ("kind", "omega"),
-    [
-        ("", "30.4"),
-        pytest.param("", "30.886592", marks=pytest.mark.slow),
-        pytest.param("--rotating", "30.02", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("kind", "omega"), [("", "30.886592"), ("--rotating", "30.5")])
 def test_a_branchs_table_holds_the_cycles_with_more_digits(
     kind: str, omega: str, tmp_path: Path
 ) -> None:
@@ -122,13 +115,13 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     printed(f"heteroclinic --friction {friction} --out {out} --quiet")
     rows = rows_of(out)[::40]
     disk = tv.Disk("table1", friction=friction)
-    omega_h = disk.heteroclinic(digits=45).omega_h.value
-    start = Saddle(disk, omega_h, 220, 8).start_on_branch(_START_DISTANCE)
-    found = disk.integrate(omega_h, start, 4, events=GAMMA_TOP, shifted=True, digits=36)
+    omega_h = disk.heteroclinic(digits=30).omega_h.value
+    start = Saddle(disk, omega_h, 180, 8).start_on_branch(_START_DISTANCE)
+    found = disk.integrate(omega_h, start, 4, events=GAMMA_TOP, shifted=True, digits=25)
     middle = tv.exact(found.events[0].time).rational
     times = [Fraction(row["t"]) + middle for row in rows]
     times[0] = max(times[0], Fraction(0))
-    truth = disk.integrate(omega_h, start, times[-1], t_eval=times, shifted=True, digits=36)
+    truth = disk.integrate(omega_h, start, times[-1], t_eval=times, shifted=True, digits=25)
     upright = [tv.exact("pi/2"), tv.exact("pi/2"), tv.exact(0)]
     for row, state in zip(rows, truth.y.T, strict=True):
         for name, number, angle in zip(("beta", "gamma", "v"), state, upright, strict=True):

@@ -224,7 +224,7 @@ def test_a_start_within_rounding_of_the_surface_has_half_widths(decimals: int) -
     """Start under the smooth law with v on the surface gamma_y = 0 except for its last decimals."""
     import mpmath
 
-    disk, beta, gamma = tv.Disk("table1", friction="smooth"), mpmath.mpf("1.1"), mpmath.mpf("0.7")
+    disk = tv.Disk("table1", friction="smooth")
     with mpmath.workdps(60):
         beta, gamma, r, e = (mpmath.mpf(text) for text in ("1.1", "0.7", "0.045", "0.0025"))
         v = (
