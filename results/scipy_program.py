@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
+from tippedisk_verify.reference_values.table_rows import split_name
 
 _TINY = 1e-30  # the imaginary step
 _SECTION = math.pi / 2
@@ -78,7 +78,7 @@ def _trajectory(
     flat.terminal = True  # type: ignore[attr-defined]
     start = [float(asked[0].inputs[name]) for name in ("beta", "gamma", "v")]
     times = sorted(
-        {float(place["t"]) for q in asked if "t" in (place := placed(q.name, q.kind)[1])}
+        {float(place["t"]) for q in asked if "t" in (place := split_name(q.name, q.kind)[1])}
     )
     run = solve_ivp(rates, (0, 10), start, t_eval=times, events=(section, flat), **options)
     found = {

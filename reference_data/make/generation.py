@@ -43,8 +43,8 @@ from tippedisk_verify.reference_values.manifest import (
     manifest_text,
     sound_files,
 )
-from tippedisk_verify.reference_values.questions import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import stored, table_rows
+from tippedisk_verify.reference_values.table_rows import VALUES_COLUMNS
 
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 

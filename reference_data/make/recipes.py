@@ -14,17 +14,17 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
-    KEPT,
+    STORED_DIGITS,
     ExactItem,
     Item,
     Reading,
     Values,
     case_of,
     disagreements,
-    trimmed,
+    rounded_to_digits,
 )
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
-from tippedisk_verify.reference_values.questions import table_row
+from tippedisk_verify.reference_values.table_rows import table_row
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
@@ -116,7 +116,7 @@ def answered(item: Item) -> dict[str, Any]:
         AccuracyError: If two methods exclude each other.
     """
     kind, digits = item.kind, _DIGITS.get(item.kind, _USUAL_DIGITS)
-    kept = max(KEPT, digits - 2)
+    kept = max(STORED_DIGITS, digits - 2)
     values: dict[Reading, Values] = {}
     distances: dict[str, dict[str, Fraction]] = {}
     twice: set[str] = set()
@@ -125,7 +125,8 @@ def answered(item: Item) -> dict[str, Any]:
         first = truths.compute(case, digits)
         # Take the numbers as they will be written, because the proof is about these.
         values[reading] = {
-            name: Measured.of(*trimmed(value, kept).decimals()) for name, value in first.items()
+            name: Measured.of(*rounded_to_digits(value, kept).decimals())
+            for name, value in first.items()
         }
         for method, answers in confirmed(case, first).items():
             for name, other in answers.items():

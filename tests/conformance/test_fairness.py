@@ -20,8 +20,8 @@ from tippedisk_verify.conformance.grading import (
 )
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
-from tippedisk_verify.reference_values.questions import DIGITS_REQUIRED, needed
 from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.table_rows import DIGITS_REQUIRED, digits_needed
 
 HET = "near-heteroclinic/het+1e-8"
 CRIT = "table1/linear/hopf/point/omega_crit"
@@ -66,15 +66,15 @@ def test_a_question_asks_for_what_its_condition_leaves(store: Store) -> None:
     worst = store[f"table1/linear/{HET}/multiplier_slow"]
     slopes = sum(abs(float(slope)) for slope in worst.condition.values())
     # The table has three decimals
-    assert needed(worst) == round(-math.log10(slopes * 1e-10 / float(worst)), 3)
-    assert needed(worst) < 0.5  # next to nothing can be asked for
+    assert digits_needed(worst) == round(-math.log10(slopes * 1e-10 / float(worst)), 3)
+    assert digits_needed(worst) < 0.5  # next to nothing can be asked for
     period = store[f"table1/linear/{HET}/period"]
     slopes = sum(abs(float(slope)) for slope in period.condition.values())
-    assert needed(period) == round(-math.log10(slopes * 1e-10 / float(period)), 3)
+    assert digits_needed(period) == round(-math.log10(slopes * 1e-10 / float(period)), 3)
     # Programs that keep all digits are asked for the level's, and well-conditioned questions ask
     # for no less.
     assert (
-        needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"])
+        digits_needed(store["table1/linear/near-heteroclinic/het+1e-30/multiplier_slow"])
         == DIGITS_REQUIRED[9]
     )
 

@@ -9,7 +9,10 @@ from itertools import pairwise
 import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.period_continuation import cycle_at_half_period, lengthened
+from tippedisk_verify.cycles.period_continuation import (
+    cycle_at_half_period,
+    cycles_of_rising_period,
+)
 from tippedisk_verify.cycles.shooting import limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
@@ -39,7 +42,9 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
     log(Omega - Omega_h).
     """
     omega_h = bisect_omega_h(parameters, taylor).omega_h
-    points = list(lengthened(parameters, first_of(parameters, taylor)[1], taylor, longest=8.0))
+    points = list(
+        cycles_of_rising_period(parameters, first_of(parameters, taylor)[1], taylor, longest=8.0)
+    )
     assert len(points) < 25
     above = [point.omega - float(omega_h) for point in points]
     assert above[-1] < 2e-10
@@ -60,7 +65,7 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
 
 def test_a_message_names_the_period_at_which_double_drowns(taylor) -> None:
     with pytest.raises(NoSuchCycleError, match="rounding swamps"):
-        list(lengthened(PRINTED, first_of(PRINTED, taylor)[1], taylor, longest=14.0))
+        list(cycles_of_rising_period(PRINTED, first_of(PRINTED, taylor)[1], taylor, longest=14.0))
 
 
 def test_a_bad_guess_is_refused(taylor) -> None:

@@ -66,6 +66,7 @@ def test_a_long_list_keeps_all_others(tmp_path: Path) -> None:
     some = ["30.4", *EMPTY, "30.5"]
     orbits = answer(f"branch --omegas {','.join(some)} --out {table}")["orbits"]
     assert ["status" in entry for entry in orbits] == [False, True, True, True, False]
+    assert [orbits[n]["omega"]["value"] for n in (0, -1)] == ["30.4", "30.5"]
     rows = rows_of(table)
     assert [row["omega"] for row in rows] == some
     assert (

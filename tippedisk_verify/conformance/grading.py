@@ -1,6 +1,6 @@
 """The grading of answers in digits: the correct digits of each answer, and the verdict.
 
-The scale of an error and the digits required are in `reference_values.questions`."""
+The scale of an error and the digits required are in `reference_values.table_rows`."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.reference_values.questions import (
-    ROUNDING,
-    needed,
-    placed,
-    scale_of,
-    slopes_of,
-)
 from tippedisk_verify.reference_values.store import (
     Reading,
     ReferenceValue,
     is_optional,
     optional_beside,
+)
+from tippedisk_verify.reference_values.table_rows import (
+    ROUNDING,
+    digits_needed,
+    scale_of,
+    slopes_of,
+    split_name,
 )
 
 __all__ = [
@@ -249,7 +249,7 @@ def _grade(quantity: ReferenceValue, reading: str, text: str) -> Grade:
             quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs
         )
 
-    needs, shown = needed(quantity), printable(text)
+    needs, shown = digits_needed(quantity), printable(text)
     try:
         answer = as_decimal(text)
     except InputError as fault:
@@ -333,7 +333,7 @@ def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
     for grade in grades:
         if grade.verdict != "no-truth":
             _, friction, kind, _, name = grade.id.split("/", 4)
-            plain, place = placed(name, kind)
+            plain, place = split_name(name, kind)
             quantity = re.sub(r"_\d+$", "", plain) if "order" in place else plain
             groups.setdefault((grade.level, quantity, friction), []).append(grade)
     ordered = sorted(groups.items(), key=lambda item: item[0][0])

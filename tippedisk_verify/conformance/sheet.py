@@ -27,12 +27,6 @@ from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.lookup import full_id
-from tippedisk_verify.reference_values.questions import (
-    QUESTION_COLUMNS,
-    VALUES_COLUMNS,
-    placed,
-    question_fields,
-)
 from tippedisk_verify.reference_values.store import (
     ReferenceValue,
     Store,
@@ -40,13 +34,17 @@ from tippedisk_verify.reference_values.store import (
     is_optional,
     optional_beside,
 )
+from tippedisk_verify.reference_values.table_rows import (
+    QUESTION_COLUMNS,
+    VALUES_COLUMNS,
+    question_fields,
+)
 
 __all__ = [
     "Answers",
     "Row",
     "answer_line",
     "collected",
-    "placed",
     "question_row",
     "questions",
     "read_answers",

@@ -86,7 +86,7 @@ _DISTANCE_DIGITS = 18
 def cycle_by_passages(
     section: Section[C],
     parameters: Parameters,
-    place: Fraction,
+    speed_or_distance: Fraction,
     engine: Engine,
     digits: int,
     *,
@@ -98,10 +98,10 @@ def cycle_by_passages(
     Args:
         section: Librating cycles lie above Omega_h, stable rotating ones below.
         parameters: The disk and its friction law.
-        place: The exact speed [rad/s].
+        speed_or_distance: The exact speed [rad/s].
         engine: The engine of the flights.
         digits: The digits of the period, the coordinates and beta_max.
-        from_omega_h: If True, the place is a distance from Omega_h, and the speed is as uncertain
+        from_omega_h: If True, it is a distance from Omega_h, and the speed is as uncertain
             as Omega_h.
 
     Returns:
@@ -112,8 +112,8 @@ def cycle_by_passages(
     if digits > _MAX_DIGITS or not engine.measures_error:
         return None
     try:
-        zero = _omega_h(parameters, place, engine, from_omega_h)
-        distance = place if from_omega_h else place - zero.value
+        zero = _omega_h(parameters, speed_or_distance, engine, from_omega_h)
+        distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
         if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
         origin = Fraction(round(zero.value * _ORIGIN_GRID), _ORIGIN_GRID)
@@ -156,23 +156,23 @@ def cycle_by_passages(
 
 
 def _omega_h(
-    parameters: Parameters, place: Fraction, engine: Engine, from_omega_h: bool
+    parameters: Parameters, speed_or_distance: Fraction, engine: Engine, from_omega_h: bool
 ) -> Measured:
-    """Compute Omega_h [rad/s] to the digits that a cycle at a given place next to it needs.
+    """Compute Omega_h [rad/s] to the digits that a cycle at a given speed or distance needs.
 
     Raises AccuracyError if that takes more than `MAX_DIGITS` digits.
 
     Args:
         parameters: The disk and its friction law.
-        place: The cycle's speed, or its distance from Omega_h [rad/s].
+        speed_or_distance: The cycle's speed, or its distance from Omega_h [rad/s].
         engine: The engine of the flights.
-        from_omega_h: True if the place is a distance.
+        from_omega_h: True if it is a distance.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    wanted = _digits_for(place) if from_omega_h else FIRST_DIGITS
+    wanted = _digits_for(speed_or_distance) if from_omega_h else FIRST_DIGITS
     while True:
         zero = splitting_zero(parameters, guess, engine, wanted).omega_h
-        distance = place if from_omega_h else place - zero.value
+        distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
         if zero.uncertainty * 10**_DISTANCE_DIGITS < abs(distance):
             return zero
         # A speed may be Omega_h itself to many digits.

@@ -23,8 +23,8 @@ from tippedisk_verify.cycles.newton import FixedPoint, Stop
 from tippedisk_verify.cycles.period_continuation import (
     PeriodContinuation,
     log10,
+    precision_near_omega_h,
     predicted_state,
-    resolving,
 )
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, Section
@@ -115,7 +115,7 @@ def fixed_point_near(
         NoSuchCycleError: If there is no such cycle.
     """
     distance = abs(omega - omega_h)
-    precision = resolving(parameters, omega_h, distance, digits + 4)
+    precision = precision_near_omega_h(parameters, omega_h, distance, digits + 4)
     return_map = ReturnMap(section, parameters, omega, engine, precision)
     unstable, slow, _ = (
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
@@ -219,7 +219,11 @@ def with_speed(
     """
     moved = min(distance, branch_length - distance) * _SPEED_MOVE
     too_close = distance < DOUBLE_SHOOTS
-    precision = resolving(cycle.parameters, omega_h.value, distance, 0) if too_close else DOUBLE
+    precision = (
+        precision_near_omega_h(cycle.parameters, omega_h.value, distance, 0)
+        if too_close
+        else DOUBLE
+    )
     # Away from Omega_h, towards which everything is steeper.
     ahead = moved if cycle.omega.value > omega_h.value else -moved
     return_map = ReturnMap(section, cycle.parameters, cycle.omega.value + ahead, engine, precision)

@@ -40,11 +40,11 @@ __all__ = [
     "PeriodContinuation",
     "PeriodPoint",
     "cycle_at_half_period",
-    "lengthened",
+    "cycles_of_rising_period",
     "limit_of_cycles",
     "log10",
+    "precision_near_omega_h",
     "predicted_state",
-    "resolving",
 ]
 
 _MAX_STEPS = 15
@@ -122,7 +122,7 @@ def cycle_at_half_period(
     return PeriodPoint(duration, *found.ahead, found.image.slopes("time")[:3], found.residuals)
 
 
-def lengthened(
+def cycles_of_rising_period(
     parameters: Parameters, first: PeriodPoint, engine: Engine, *, longest: float
 ) -> Iterator[PeriodPoint]:
     """Yield librating limit cycles of longer and longer period, in double.
@@ -271,7 +271,7 @@ class PeriodContinuation:
         points = [
             cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)
         ]
-        for point in lengthened(parameters, points[0], engine, longest=_MAX_PERIOD):
+        for point in cycles_of_rising_period(parameters, points[0], engine, longest=_MAX_PERIOD):
             points.append(point)
             if len(points) > 3 and abs(point.slopes[2]) < growth * _MIN_IN_DOUBLE:
                 break
@@ -336,7 +336,7 @@ class PeriodContinuation:
             ahead = abs(self.above) / 4
         above = ahead if self.above > 0 else -ahead
         omega_h = self.asymptotics.omega_h
-        precision = resolving(self.parameters, omega_h, ahead, 12)
+        precision = precision_near_omega_h(self.parameters, omega_h, ahead, 12)
         half_period = precision.number(self.asymptotics.half_period(above))
         guess = (*predicted_state(self.latest, half_period, precision), omega_h + above)
         try:
@@ -383,7 +383,9 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
             return Measured(omega_h, half_width)
 
 
-def resolving(parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int) -> Precision:
+def precision_near_omega_h(
+    parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int
+) -> Precision:
     """Return the arithmetic in which a cycle next to Omega_h must be computed to keep its digits.
 
     Rounding grows over a passage like 1 / above. It must be small against the state's distance from

@@ -2,7 +2,7 @@
 
 A file is one object with these keys:
 
-- ``format`` is `FORMAT`, ``kind`` the class of the result, and ``tippedisk_verify`` the version of
+- ``format`` is `RESULT_FORMAT`, ``kind`` the class of the result, and ``tippedisk_verify`` the version of
   the package that wrote it.
 - ``disk`` has the parameters [SI], the name and the friction law.
 - The other keys are the result's own.
@@ -33,9 +33,9 @@ from tippedisk_verify.model.exact import Exact, exact, long_fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
+__all__ = ["RESULT_FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
 
-FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
+RESULT_FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
 _MAX_FILE_BYTES = 2**30  # bytes; a file with a million samples is about half as large
 _INFINITE = "infinite"
 
@@ -107,7 +107,7 @@ def write_saved(
 
     disk.refuse_own_law("results can be saved")
     content = {
-        "format": FORMAT,
+        "format": RESULT_FORMAT,
         "kind": kind,
         "tippedisk_verify": __version__,
         "disk": {**disk.exact_texts(), "name": disk.name, "friction": disk.friction},
@@ -130,6 +130,6 @@ def read_saved(path: str | PathLike[str]) -> dict[str, Any]:
         content = json.loads(text)
     except (ValueError, RecursionError):
         content = None
-    if not isinstance(content, dict) or content.get("format") != FORMAT:
-        raise InputError(f"{Path(path).name} is not a file with the format '{FORMAT}'")
+    if not isinstance(content, dict) or content.get("format") != RESULT_FORMAT:
+        raise InputError(f"{Path(path).name} is not a file with the format '{RESULT_FORMAT}'")
     return content

@@ -2,7 +2,7 @@
 equilibrium exactly.
 
 At an equilibrium the angles are odd multiples of pi/2. No ball is exactly such a multiple, but
-their sines and cosines are 0 and +-1. `Turned(n, offset)` is the angle n pi/2 + offset. `OPS` gives
+their sines and cosines are 0 and +-1. `QuarterTurnAngle(n, offset)` is the angle n pi/2 + offset. `OPS` gives
 its sine and cosine from those of the offset, which is a ball, a series of balls, or None for no
 offset. With None the results of `model.equations` for exact numbers are exact.
 """
@@ -16,26 +16,26 @@ from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["INVERTED", "NONINVERTED", "OPS", "Turned", "linearization", "rates"]
+__all__ = ["INVERTED", "NONINVERTED", "OPS", "QuarterTurnAngle", "linearization", "rates"]
 
 #: The number of right angles in gamma; beta has one at both equilibria.
 INVERTED, NONINVERTED = 1, -1
 
 
-class Turned(NamedTuple):
+class QuarterTurnAngle(NamedTuple):
     """An angle near a multiple of pi/2: ``quarters`` * pi/2 + ``offset`` [rad]."""
 
     quarters: int
     offset: Any = None
 
 
-class _TurnedOps:
-    """The sine and cosine of `Turned` angles, in the form (``ops``) that
+class _QuarterTurnOps:
+    """The sine and cosine of `QuarterTurnAngle` angles, in the form (``ops``) that
     `model.equations` needs.
     """
 
     @staticmethod
-    def sin(angle: Turned) -> Any:
+    def sin(angle: QuarterTurnAngle) -> Any:
         quarters = angle.quarters % 4
         if angle.offset is None:
             return (0, 1, 0, -1)[quarters]
@@ -43,11 +43,11 @@ class _TurnedOps:
         return -value if quarters > 1 else value
 
     @staticmethod
-    def cos(angle: Turned) -> Any:
-        return _TurnedOps.sin(Turned(angle.quarters + 1, angle.offset))
+    def cos(angle: QuarterTurnAngle) -> Any:
+        return _QuarterTurnOps.sin(QuarterTurnAngle(angle.quarters + 1, angle.offset))
 
 
-OPS = _TurnedOps()
+OPS = _QuarterTurnOps()
 
 
 def rates(
@@ -63,7 +63,9 @@ def rates(
     The equilibrium is beta = pi/2, gamma = ``around`` * pi/2, v = 0.
     """
     beta, gamma, v = offsets
-    return field(OPS, constants, omega, friction, side)(Turned(1, beta), Turned(around, gamma), v)
+    return field(OPS, constants, omega, friction, side)(
+        QuarterTurnAngle(1, beta), QuarterTurnAngle(around, gamma), v
+    )
 
 
 def linearization(
@@ -78,4 +80,6 @@ def linearization(
     It is exact for rational constants and speed, and enclosed for balls. The equilibrium is beta =
     pi/2, gamma = ``around`` * pi/2, v = 0. ``side`` has the meaning of `model.equations.jacobian`.
     """
-    return jacobian(OPS, constants, omega, friction, side)(Turned(1), Turned(around), 0)
+    return jacobian(OPS, constants, omega, friction, side)(
+        QuarterTurnAngle(1), QuarterTurnAngle(around), 0
+    )

@@ -15,8 +15,8 @@ from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import Item, Reading, Values, case_of, disagreements
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
-from tippedisk_verify.reference_values.questions import table_row
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
+from tippedisk_verify.reference_values.table_rows import table_row
 from tippedisk_verify.reference_values.truths import compute_again
 
 __all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]

@@ -19,8 +19,8 @@ from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.store import Reading
 
 __all__ = [
-    "KEPT",
     "READINGS",
+    "STORED_DIGITS",
     "ExactItem",
     "Item",
     "Reading",
@@ -28,12 +28,12 @@ __all__ = [
     "as_doubles",
     "case_of",
     "disagreements",
-    "trimmed",
+    "rounded_to_digits",
 ]
 
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
 Values = dict[str, Measured]
-KEPT = 50  #: significant digits of a stored number; Omega_h has more
+STORED_DIGITS = 50  #: significant digits of a stored number; Omega_h has more
 
 
 @dataclass(frozen=True)
@@ -96,7 +96,7 @@ def case_of(item: Item, reading: Reading) -> ExactItem:
     return ExactItem(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
-def trimmed(measured: Measured, digits: int) -> Measured:
+def rounded_to_digits(measured: Measured, digits: int) -> Measured:
     """Round a number with a half-width to ``digits`` significant digits; add the rounding error to
     its half-width.
     """

@@ -13,8 +13,8 @@ from tippedisk_verify.files import file_ending_in, output_file, write_table, wri
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
-from tippedisk_verify.reference_values.questions import needed, scale_of, table_row
 from tippedisk_verify.reference_values.store import ReferenceValue
+from tippedisk_verify.reference_values.table_rows import digits_needed, scale_of, table_row
 
 __all__ = ["FORMATS", "export"]
 
@@ -73,7 +73,7 @@ def _row(quantity: ReferenceValue) -> dict[str, str]:
 def _fields(quantity: ReferenceValue) -> Row:
     row = _row(quantity)
     scale = scale_of(quantity, Decimal(row["value_from_doubles"]))
-    tolerance = max(float(scale) * 10 ** -needed(quantity), float(row["rounding"]))
+    tolerance = max(float(scale) * 10 ** -digits_needed(quantity), float(row["rounding"]))
     numbers = [*(float(row[name] or 0) for name in _INPUTS), quantity.for_doubles, tolerance]
     return [row[name] for name in _TEXTS], numbers
 

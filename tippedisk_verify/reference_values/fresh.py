@@ -17,12 +17,12 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
 from tippedisk_verify.reference_values.entries import (
-    KEPT,
     READINGS,
+    STORED_DIGITS,
     Item,
     Reading,
     case_of,
-    trimmed,
+    rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
 from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
@@ -205,7 +205,10 @@ def _truths(item_id: str) -> tuple[ReferenceValue, ...]:
     slopes = condition(case_of(item, "decimals"), values["decimals"])
 
     def rounded(name: str) -> dict[Reading, tuple[str, str]]:
-        return {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS}
+        return {
+            reading: rounded_to_digits(values[reading][name], STORED_DIGITS).decimals()
+            for reading in READINGS
+        }
 
     names = _names(item.kind, item.friction)
     return tuple(as_quantity(item, name, rounded(name), slopes[name]) for name in names)

@@ -30,14 +30,14 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
 from tippedisk_verify.reference_values.entries import (
-    KEPT,
     READINGS,
+    STORED_DIGITS,
     ExactItem,
     Item,
     Reading,
     Values,
     case_of,
-    trimmed,
+    rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import (
     OPTIONAL,
@@ -260,7 +260,10 @@ def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
         as_quantity(
             item,
             name,
-            {reading: trimmed(values[reading][name], KEPT).decimals() for reading in READINGS},
+            {
+                reading: rounded_to_digits(values[reading][name], STORED_DIGITS).decimals()
+                for reading in READINGS
+            },
             slopes[name],
         )
         for name in OPTIONAL

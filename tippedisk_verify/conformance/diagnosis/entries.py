@@ -12,12 +12,11 @@ import numpy as np
 
 from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.grading import Grade
-from tippedisk_verify.conformance.sheet import placed
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.questions import scale_of
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
+from tippedisk_verify.reference_values.table_rows import scale_of, split_name
 
 __all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
 
@@ -81,14 +80,14 @@ class Table(Answered):
     @cached_property
     def quantity_names(self) -> Array:
         """The plain name of the quantity of each answer, such as beta for ``beta@0.5``."""
-        return np.array([placed(name, self.kind)[0] for name in self.names])
+        return np.array([split_name(name, self.kind)[0] for name in self.names])
 
     @cached_property
     def places(self) -> list[dict[str, str]]:
         """The place of each answer, as its quantity's name contains it: a time, the number of a
         crossing, or an order, by words.
         """
-        return [placed(name, self.kind)[1] for name in self.names]
+        return [split_name(name, self.kind)[1] for name in self.names]
 
     @cached_property
     def explained_last(self) -> Array:

@@ -25,8 +25,8 @@ from tippedisk_verify.proofs.kernel.field import UNITS
 __all__ = [
     "DISK",
     "LAWS",
-    "MANNERS",
     "MEASURED",
+    "STABILITY_WORDS",
     "ClaimReader",
     "Refused",
     "as_float",
@@ -243,7 +243,7 @@ LAWS = {"linear": FrictionTraits("linear", False), "smooth": FrictionTraits("smo
 
 #: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be
 #: isolated.
-MANNERS = {
+STABILITY_WORDS = {
     True: "a limit cycle, asymptotically stable",
     False: "a limit cycle, unstable",
     None: "a periodic orbit, of undecided stability",

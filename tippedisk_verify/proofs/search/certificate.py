@@ -14,7 +14,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
 from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_text
-from tippedisk_verify.proofs.kernel.certificates import FORMAT, sentence
+from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
 from tippedisk_verify.proofs.search.steps import Steps
 
 __all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts"]
@@ -84,7 +84,11 @@ class Proof:
         """
         if not self.evidence:
             raise InputError(f"no certificate: {self.statement}")
-        content: dict[str, Any] = {"format": FORMAT, "claim": self.claim, "bits": self.bits}
+        content: dict[str, Any] = {
+            "format": CERTIFICATE_FORMAT,
+            "claim": self.claim,
+            "bits": self.bits,
+        }
         content["evidence"] = _as_text(self.evidence)
         return json.dumps(content | {"sha256": digest(content)}, separators=(",", ":")) + "\n"
 

@@ -30,9 +30,18 @@ from tippedisk_verify.proofs.kernel.certificates import (
 )
 from tippedisk_verify.proofs.kernel.field import UNITS
 
-__all__ = ["FORMAT", "KINDS", "Refused", "Unproved", "check", "digest", "proved", "sentence"]
+__all__ = [
+    "CERTIFICATE_FORMAT",
+    "KINDS",
+    "Refused",
+    "Unproved",
+    "check",
+    "digest",
+    "proved",
+    "sentence",
+]
 
-FORMAT = "tippedisk certificate 3"
+CERTIFICATE_FORMAT = "tippedisk certificate 3"
 #: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK`) and evidence.
 #: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
 #: claim, given the numbers with half-widths.
@@ -60,9 +69,9 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
     time, and each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
-        raise Refused(f"it is not an object with the format '{FORMAT}' and a claim")
-    if content.get("format") != FORMAT:
-        raise Refused(f"its format is not '{FORMAT}': write it again with this version")
+        raise Refused(f"it is not an object with the format '{CERTIFICATE_FORMAT}' and a claim")
+    if content.get("format") != CERTIFICATE_FORMAT:
+        raise Refused(f"its format is not '{CERTIFICATE_FORMAT}': write it again with this version")
     kind = parsed(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
     bits = parsed(content.get("bits"), precision, "bits")
     claim, evidence = KINDS[kind].SHAPES[kind]

@@ -26,8 +26,8 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
     LAWS,
-    MANNERS,
     MEASURED,
+    STABILITY_WORDS,
     count,
     decimal,
     dyadic,
@@ -244,7 +244,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
             f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
         )
         sliding = f", on which the sliding velocity gamma_y {changes}"
-    manner = MANNERS[claim["stable"]]
+    manner = STABILITY_WORDS[claim["stable"]]
     if section == LIBRATING_SECTION:
         return (
             f" at Omega = {claim['omega']} rad/s, the half-period map, along the flow from beta = "

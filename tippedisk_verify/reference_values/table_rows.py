@@ -22,11 +22,11 @@ __all__ = [
     "QUESTION_COLUMNS",
     "ROUNDING",
     "VALUES_COLUMNS",
-    "needed",
-    "placed",
+    "digits_needed",
     "question_fields",
     "scale_of",
     "slopes_of",
+    "split_name",
     "table_row",
 ]
 
@@ -86,7 +86,7 @@ VALUES_COLUMNS = (
 )
 
 
-def placed(name: str, kind: str) -> tuple[str, dict[str, str]]:
+def split_name(name: str, kind: str) -> tuple[str, dict[str, str]]:
     """Split a quantity's name into plain name and place: ``beta@0.5`` is beta at t = 0.5.
 
     Args:
@@ -112,7 +112,7 @@ def question_fields(parameters: Mapping[str, str], quantity: ReferenceValue) -> 
         parameters: The disk's parameters as decimals.
         quantity: The reference value.
     """
-    plain, place = placed(quantity.name, quantity.kind)
+    plain, place = split_name(quantity.name, quantity.kind)
     return {
         "id": quantity.id,
         "level": str(quantity.level),
@@ -140,7 +140,7 @@ def scale_of(quantity: ReferenceValue, value: Decimal) -> Decimal:
     size = value.copy_abs()  # abs() would round
     if quantity.level == 1:
         return max([size, *(Decimal(slope).copy_abs() for slope in quantity.condition.values())])
-    if quantity.level == 2 or placed(quantity.name, quantity.kind)[0].startswith(_UNIT_SIZED):
+    if quantity.level == 2 or split_name(quantity.name, quantity.kind)[0].startswith(_UNIT_SIZED):
         return max(size, Decimal(1))
     return size
 
@@ -154,7 +154,7 @@ def slopes_of(quantity: ReferenceValue) -> Decimal:
 
 
 @arithmetic()
-def needed(quantity: ReferenceValue) -> float:
+def digits_needed(quantity: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 
     It is the level's number, or less if a change of the inputs by `ALLOWED_INPUT_CHANGE` spoils more digits.
@@ -190,7 +190,7 @@ def table_row(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[s
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
     row |= {
         "scale": f"{scale:.17g}",
-        "digits_needed": repr(needed(quantity)),
+        "digits_needed": repr(digits_needed(quantity)),
         "rounding": f"{float(slopes_of(quantity)) * ROUNDING:.3g}",
         "grade": quantity.grade,
         "methods": " ".join(map("=".join, quantity.methods.items())),
