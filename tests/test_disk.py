@@ -199,7 +199,6 @@ def test_times_are_exact(span) -> None:
     ("named", "friction", "symbols"),
     [
         ("table1", "linear", ("e",)),
-        ("table1", "smooth", ("mu",)),
         *(
             pytest.param(named, friction, SYMBOLS, marks=pytest.mark.slow(minutes=0.3))
             for named in ("table1", "geometry")
@@ -232,6 +231,7 @@ def test_derivatives_by_parameters_hold_differences(named, friction, symbols) ->
     assert set(mine.to_dict()["derivatives"]) == {"beta", "gamma", "v", "omega", *symbols}
 
 
+@pytest.mark.slow
 def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
     rough, sharp = (
         tv.Disk("table1").integrate("30.4", START, 1, digits=digits, variations="m").by["m"]

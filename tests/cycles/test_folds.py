@@ -41,12 +41,13 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(
 
 
 # -------------------------------------------------------------------------------------- two methods
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "digits"),
     [
         (Kind.LIBRATING, 12),
-        pytest.param(Kind.LIBRATING, 30, marks=pytest.mark.slow),
-        pytest.param(Kind.ROTATING, 12, marks=pytest.mark.slow),
+        (Kind.LIBRATING, 30),
+        (Kind.ROTATING, 12),
     ],
 )
 def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:

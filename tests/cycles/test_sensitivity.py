@@ -122,11 +122,11 @@ def test_none_next_to_the_connection() -> None:
 @pytest.mark.parametrize(
     ("named", "law", "symbols"),
     [
-        ("table1", "linear", ("mu",)),
-        pytest.param("calibrated", "linear", SYMBOLS, marks=pytest.mark.slow(minutes=1)),
-        pytest.param("geometry", "smooth", SYMBOLS, marks=pytest.mark.slow(minutes=1)),
+        ("calibrated", "linear", SYMBOLS),
+        ("geometry", "smooth", SYMBOLS),
     ],
 )
+@pytest.mark.slow(minutes=1)
 def test_those_of_both_speeds_hold_differences(
     named: str, law: str, symbols: tuple[str, ...]
 ) -> None:

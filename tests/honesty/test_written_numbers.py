@@ -86,7 +86,10 @@ def test_a_sweeps_table_holds_that_with_more_digits(words: str, tmp_path: Path) 
             _assert_held(few[value], few[name], many[value], many[name], value)
 
 
-@pytest.mark.parametrize(("kind", "omega"), [("", "30.886592"), ("--rotating", "30.5")])
+@pytest.mark.parametrize(
+    ("kind", "omega"),
+    [("", "30.886592"), pytest.param("--rotating", "30.5", marks=pytest.mark.slow)],
+)
 def test_a_branchs_table_holds_the_cycles_with_more_digits(
     kind: str, omega: str, tmp_path: Path
 ) -> None:
@@ -105,9 +108,8 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(
             )
 
 
-@pytest.mark.parametrize(
-    "friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow(minutes=0.3))]
-)
+@pytest.mark.parametrize("friction", ["linear", "smooth"])
+@pytest.mark.slow(minutes=0.2)
 def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     friction: tv.Friction, tmp_path: Path
 ) -> None:

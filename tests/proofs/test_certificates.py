@@ -142,6 +142,7 @@ def test_what_is_written_is_accepted_by_the_kernel_alone(tmp_path) -> None:
     assert (run.returncode, run.stderr, run.stdout) == (0, "", f"proved: {statement}\n[]\n")
 
 
+@pytest.mark.slow
 def test_a_weaker_claim_is_another_true_claim(remembered) -> None:
     """With a new digest it is accepted as what it says: the statement has the wider number."""
     content = fresh()

@@ -101,9 +101,10 @@ def test_the_reference_values_lie_in_the_proved_intervals() -> None:
     assert all(1e-8 < float(distance) < 1 for distance in found["unique_within"].values())
 
 
+@pytest.mark.slow(minutes=0.5)
 @pytest.mark.parametrize(
     ("omega", "stable"),
-    [(ABOVE, False), pytest.param("30.0388", True, marks=pytest.mark.slow(minutes=0.5))],
+    [(ABOVE, False), ("30.0388", True)],
 )
 def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     taylor, omega, stable
