@@ -143,7 +143,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "compare": lambda: [
         tv.compare(ID, answer) for answer in (0.88, "0.886", tv.Measured.of("8867/10000", 0))
     ],
-    "cycle_above": lambda: tv.cycle_above(DISK, "0.1", tv.Taylor()),
+    "cycle_above_omega_h": lambda: tv.cycle_above_omega_h(DISK, "0.1", tv.Taylor()),
     "equilibrium": lambda: tv.equilibrium(DISK, "30.4", "noninverted", 40),
     "exact": lambda: [
         tv.exact(value) for value in ("1/3", "pi/2 + 0.4", 0.1, "0." + "3" * 1000 + "/7")
@@ -218,7 +218,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     ).to_dict(),
     "limit_cycle Cycle.__call__ Cycle.orbit Cycle.multipliers Cycle.floquet_vectors": lambda: (
         _asked(
-            tv.limit_cycle(DISK, "30.4", tv.Taylor()),
+            tv.shoot_limit_cycle(DISK, "30.4", tv.Taylor()),
             *(lambda cycle: cycle, lambda cycle: cycle([0.1, 1.3])),
             *(lambda cycle: cycle.orbit(20), "multipliers", "floquet_vectors"),
         )
@@ -284,7 +284,7 @@ SLOW = {
     "Certifier.limit_cycle": 0.2,
     "analyse_slow_manifold": 0.15,
     "Heteroclinic.orbit Heteroclinic.samples": 0.15,
-    "cycle_above": 0.1,
+    "cycle_above_omega_h": 0.1,
     "Disk.near_heteroclinic": 0.1,
     "race": 0.1,
     "Certifier.heteroclinic": 0.1,

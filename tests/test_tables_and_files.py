@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
 from tests.command_line import printed, rows_of
-from tippedisk_verify.bench.race import Score
+from tippedisk_verify.bench.measurement import Score
 from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.figures.style import pyplot

@@ -2,15 +2,15 @@
 
 from tippedisk_verify.audit.claims import Audit as Audit
 from tippedisk_verify.audit.claims import Verdict as Verdict
-from tippedisk_verify.bench.own_race import Race as Race
-from tippedisk_verify.bench.own_race import race as race
 from tippedisk_verify.bench.problems import problem_named as problem_named
+from tippedisk_verify.bench.race import Race as Race
+from tippedisk_verify.bench.race import race as race
 from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
 from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega_h
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above as cycle_above
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic as heteroclinic
-from tippedisk_verify.cycles.shooting import limit_cycle as limit_cycle
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h as cycle_above_omega_h
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic as heteroclinic
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle as shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle as balanced_cycle
 from tippedisk_verify.disk import Disk as Disk
 from tippedisk_verify.errors import AccuracyError as AccuracyError

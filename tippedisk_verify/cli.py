@@ -20,7 +20,7 @@ from tippedisk_verify import __version__
 from tippedisk_verify.commands import (
     certify,
     conformance,
-    omega_h,
+    heteroclinic,
     one_disk,
     reference,
     studies,
@@ -39,7 +39,7 @@ _MAX_LINE_LENGTH = 1_000  # characters of an error message
     sections={
         "The paper": verify.COMMANDS,
         "One disk's motion and cycles": one_disk.COMMANDS,
-        "Omega_h": omega_h.COMMANDS,
+        "Omega_h": heteroclinic.COMMANDS,
         "Your implementation": (*conformance.COMMANDS, *reference.COMMANDS),
         "Proofs": certify.COMMANDS,
         "Studies": studies.COMMANDS,

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.model.arrays import Array
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
-    from tippedisk_verify.motion.scenes import Panel
+    from tippedisk_verify.motion.scenes import ComputedScene
     from tippedisk_verify.motion.solution import Solution
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
@@ -358,7 +358,9 @@ class Disk(Parameters):
 
         return BasinBoundary(self, omega, self._engine(engine))
 
-    def scene(self, name: str, *, omega_h: object = None, engine: Engine | None = None) -> Panel:
+    def scene(
+        self, name: str, *, omega_h: object = None, engine: Engine | None = None
+    ) -> ComputedScene:
         """Compute one of the panels a to f of the paper's figures 3D and proj_3D.
 
         Args:
@@ -372,14 +374,14 @@ class Disk(Parameters):
         Raises:
             InputError: If there is no such panel, or ``omega_h`` is not a speed.
         """
-        from tippedisk_verify.motion.scenes import panel_of, scene_named
+        from tippedisk_verify.motion.scenes import computed_scene, scene_named
 
         scene, engine = scene_named(name), self._engine(engine)
         if omega_h is not None:
             omega_h = Measured(checked_speed(omega_h), getattr(omega_h, "uncertainty", Fraction(0)))
         elif scene.base == "Omega_h":
             omega_h = self.heteroclinic(engine=engine).omega_h
-        return panel_of(scene, self, engine, omega_h=omega_h)
+        return computed_scene(scene, self, engine, omega_h=omega_h)
 
     # --------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
@@ -429,10 +431,10 @@ class Disk(Parameters):
                     "above_het leads to the cycles next to Omega_h: choose with "
                     "stable at a speed omega"
                 )
-            from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+            from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 
             with shown_share("limit cycle", progress):
-                return cycle_above(self, above_het, self._engine(engine), digits=digits)
+                return cycle_above_omega_h(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
         with shown_share("limit cycle", progress):
             cycle = cycle_at(
@@ -530,7 +532,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.cycle_at_distance import rotating_below
+        from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
         from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 
         one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
@@ -546,7 +548,9 @@ class Disk(Parameters):
                 "speed with omega"
             )
         with shown_share("rotating cycle", progress):
-            return rotating_below(self, below_het, self._engine(engine), digits=digits)
+            return rotating_cycle_below_omega_h(
+                self, below_het, self._engine(engine), digits=digits
+            )
 
     def rotating_branch(
         self,
@@ -681,7 +685,7 @@ class Disk(Parameters):
             InputError: If ``method`` is not known.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+        from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
         with shown_share("Omega_h", progress):

@@ -10,7 +10,7 @@ import click
 FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
-from tippedisk_verify.commands.common import Output, command  # noqa: E402
+from tippedisk_verify.commands.common import OutputOptions, command  # noqa: E402
 from tippedisk_verify.commands.jobs import jobs_option, processes  # noqa: E402
 from tippedisk_verify.interrupts import handling_ctrl_c  # noqa: E402
 
@@ -27,7 +27,7 @@ from tippedisk_verify.interrupts import handling_ctrl_c  # noqa: E402
     "--out", default=str(FOLDER), show_default=True, metavar="DIR", help="The folder to write."
 )
 @jobs_option
-def make(output: Output, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
+def make(output: OutputOptions, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     from reference_data.make.generation import generate
 
     with output.progress() as advance, processes(jobs) as pool:

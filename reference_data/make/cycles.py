@@ -17,7 +17,7 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
-from tippedisk_verify.reference_values.entries import ExactItem, Values
+from tippedisk_verify.reference_values.items import Case, Values
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
@@ -42,14 +42,14 @@ _QUARTER = PI * Fraction(1, 2)
 _TOP = Event("top", GAMMA_TURN.function, direction=GAMMA_TURN.direction, terminal=False)
 
 
-def omega_h_for(case: ExactItem) -> Fraction:
+def omega_h_for(case: Case) -> Fraction:
     """Return Omega_h [rad/s], with enough digits for the distance of the case's speed from it."""
     digits = max(14, min(len(str(case.inputs["Omega"].denominator)), 90))
     return case.disk.heteroclinic(digits=digits).omega_h.value
 
 
 # ----------------------------------------------------------------------------------- whole periods
-def _rotates(case: ExactItem) -> bool:
+def _rotates(case: Case) -> bool:
     return case.item.kind in ("rotating-cycle", "rotation-fold")
 
 
@@ -72,7 +72,7 @@ class _Period:
 
     def __init__(
         self,
-        case: ExactItem,
+        case: Case,
         precision: Precision,
         omega: Fraction,
         free: Sequence[Fraction],
@@ -172,7 +172,7 @@ def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     }
 
 
-def whole_period(case: ExactItem, values: Values) -> Values:
+def whole_period(case: Case, values: Values) -> Values:
     """Solve for a cycle over a whole period, by two Newton steps of the bordered system.
 
     A librating cycle starts at beta = pi/2, a rotating one at gamma = -pi/2. The first step starts
@@ -205,7 +205,7 @@ def whole_period(case: ExactItem, values: Values) -> Values:
     return _claimed(results, values)
 
 
-def fold_from_the_bottom(case: ExactItem, values: Values) -> Values:
+def fold_from_the_bottom(case: Case, values: Values) -> Values:
     """Solve for the fold of the rotating cycles from gamma = -pi/2, with Omega free.
 
     At a fold 1 is a double eigenvalue of the monodromy matrix, so its trace is 2 plus the fast
@@ -260,7 +260,7 @@ def _attributes(result: Any, *names: str) -> Values:
     return {name: getattr(result, name) for name in names}
 
 
-def balance(case: ExactItem, values: Values) -> Values:
+def balance(case: Case, values: Values) -> Values:
     """Compute a librating cycle by harmonic balance.
 
     Returns {} for the smooth law and close to Omega_h.
@@ -272,7 +272,7 @@ def balance(case: ExactItem, values: Values) -> Values:
     return _attributes(cycle, "period", "gamma_bar_0", "v_0", "beta_max")
 
 
-def collocation(case: ExactItem, values: Values) -> Values:
+def collocation(case: Case, values: Values) -> Values:
     """Compute a rotating cycle by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
@@ -286,7 +286,7 @@ def collocation(case: ExactItem, values: Values) -> Values:
     }
 
 
-def fold_by_collocation(case: ExactItem, values: Values) -> Values:
+def fold_by_collocation(case: Case, values: Values) -> Values:
     """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
@@ -297,7 +297,7 @@ def fold_by_collocation(case: ExactItem, values: Values) -> Values:
     }
 
 
-def scipy(case: ExactItem, values: Values) -> Values:
+def scipy(case: Case, values: Values) -> Values:
     """Compute a cycle by shooting with SciPy in double precision.
 
     The method claims nine digits; the data record its distance from the value.
@@ -322,7 +322,7 @@ def scipy(case: ExactItem, values: Values) -> Values:
     return {name: Measured.of(value, abs(value) * 1e-9 + 1e-12) for name, value in numbers.items()}
 
 
-def fold_by_scipy(case: ExactItem, values: Values) -> Values:
+def fold_by_scipy(case: Case, values: Values) -> Values:
     """Compute the fold of the rotating cycles with SciPy in double precision.
 
     The method claims seven digits; the data record its distance from the value.

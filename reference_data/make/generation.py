@@ -30,8 +30,8 @@ from tippedisk_verify.files import (
 )
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
-from tippedisk_verify.reference_values.checking import entries_of
-from tippedisk_verify.reference_values.entries import Item
+from tippedisk_verify.reference_values.checking import stored_questions
+from tippedisk_verify.reference_values.items import Item
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
     FILES,
@@ -100,7 +100,7 @@ def items_of(prefixes: Sequence[str] = ()) -> list[Item]:
     """Return the questions of the table whose ids start with one of the prefixes, in its order."""
     return [
         entry.item
-        for entry in entries_of(stored())
+        for entry in stored_questions(stored())
         if entry.item.id.startswith(tuple(prefixes) or "")
     ]
 

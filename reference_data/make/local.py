@@ -15,15 +15,15 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.reference_values.entries import ExactItem, Values
+from tippedisk_verify.reference_values.items import Case, Values
 from tippedisk_verify.reference_values.truths import (
     BITS,
     DIGITS,
     ORDERS,
-    WIDER,
+    WIDER_BITS,
     PlainEngine,
     in_two,
-    orbit,
+    trajectory_numbers,
 )
 from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
 from tippedisk_verify.theory.equilibria import linearization
@@ -51,12 +51,16 @@ def _compiled(law: Any, working: int) -> Any:
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
 
-def symbolic(case: ExactItem, values: Values) -> Values:
+def symbolic(case: Case, values: Values) -> Values:
     """Compute the acceleration and its slopes by heyoka's symbolic derivatives."""
-    return {} if case.item.friction == "both" else in_two(partial(_symbolic, case), WIDER, WIDER)
+    return (
+        {}
+        if case.item.friction == "both"
+        else in_two(partial(_symbolic, case), WIDER_BITS, WIDER_BITS)
+    )
 
 
-def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
     precision = bits(ctx.prec)
     function, names = _compiled(case.disk.friction, ctx.prec)
     constants, number = case.disk.at(precision), precision.number
@@ -76,12 +80,12 @@ def _symbolic(case: ExactItem, ctx: Any) -> dict[str, Any]:
 
 
 # -------------------------------------------------------------------------------------- Hopf point
-def hopf_by_balance(case: ExactItem, values: Values) -> Values:
+def hopf_by_balance(case: Case, values: Values) -> Values:
     """Compute the Hopf point without a normal form."""
     return in_two(partial(_hopf_by_balance, case), kept=BITS - 20)
 
 
-def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the Hopf point without a normal form.
 
     The equations are Routh-Hurwitz, the derivative of the characteristic polynomial, and the slopes
@@ -113,7 +117,7 @@ def _hopf_by_balance(case: ExactItem, ctx: Any) -> dict[str, Any]:
 
 
 # ----------------------------------------------------------------------------------- slow manifold
-def differences(case: ExactItem, values: Values) -> Values:
+def differences(case: Case, values: Values) -> Values:
     """Compute each order of the slow manifold from the lower ones and their difference quotients.
 
     The invariance condition at order n needs h_0 ... h_(n-1) and their slopes. The slopes are
@@ -167,13 +171,13 @@ def differences(case: ExactItem, values: Values) -> Values:
 
 
 # ------------------------------------------------------------------------------------------ orbits
-def orbit_by_scipy(case: ExactItem, values: Values) -> Values:
+def orbit_by_scipy(case: Case, values: Values) -> Values:
     """Integrate an orbit with SciPy.
 
     The change that a hundredfold looser tolerance makes bounds the error.
     """
     tight, loose = (
-        orbit(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance))
+        trajectory_numbers(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance))
         for tolerance in (1e-13, 1e-11)
     )
     return {

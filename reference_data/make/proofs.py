@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.entries import ExactItem, Values
+from tippedisk_verify.reference_values.items import Case, Values
 from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
@@ -26,7 +26,7 @@ _NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
 Proof = tuple[str, str, Values]  #: statement, command, enclosures
 
 
-def proved(case: ExactItem, values: Values) -> dict[str, Any] | None:
+def proved(case: Case, values: Values) -> dict[str, Any] | None:
     """Prove an entry's numbers.
 
     Args:
@@ -56,7 +56,7 @@ def proved(case: ExactItem, values: Values) -> dict[str, Any] | None:
     return {"statement": statement, "command": command, "enclosures": held}
 
 
-def _equilibrium(case: ExactItem, values: Values) -> Proof:
+def _equilibrium(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
     omega = case.item.inputs["Omega"]
@@ -68,7 +68,7 @@ def _equilibrium(case: ExactItem, values: Values) -> Proof:
     return (proof.statement, _command("equilibria", case, f" --omega {omega}"), enclosures)
 
 
-def _hopf(case: ExactItem, values: Values) -> Proof:
+def _hopf(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     proof = proved_hopf(case.disk, _DIGITS)
@@ -77,7 +77,7 @@ def _hopf(case: ExactItem, values: Values) -> Proof:
     return (proof.statement, _command("hopf", case), enclosures)
 
 
-def _connection(case: ExactItem, values: Values) -> Proof:
+def _connection(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.search.connection import prove_connection
 
     # Start as the command does: the stored value has too few digits for so short an interval.
@@ -95,7 +95,7 @@ def _connection(case: ExactItem, values: Values) -> Proof:
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
 
-def _cycle(case: ExactItem, values: Values) -> Proof:
+def _cycle(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.search.cycle import prove_cycle
 
     omega = case.item.inputs["Omega"]
@@ -109,13 +109,13 @@ def _cycle(case: ExactItem, values: Values) -> Proof:
     return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)
 
 
-def _command(subject: str, case: ExactItem, options: str = "", digits: int = _DIGITS) -> str:
+def _command(subject: str, case: Case, options: str = "", digits: int = _DIGITS) -> str:
     law = " --friction smooth" if case.disk.friction == "smooth" else ""
     disk = case.item.id.partition("/")[0]
     return f"tippedisk-verify certify {subject} --parameters {disk}{law}{options} --digits {digits}"
 
 
-_PROOFS: dict[str, Callable[[ExactItem, Values], Proof]] = {
+_PROOFS: dict[str, Callable[[Case, Values], Proof]] = {
     "equilibrium": _equilibrium,
     "hopf": _hopf,
     "heteroclinic": _connection,

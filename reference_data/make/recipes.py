@@ -13,9 +13,9 @@ from reference_data.make.proofs import proved
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
-from tippedisk_verify.reference_values.entries import (
+from tippedisk_verify.reference_values.items import (
     STORED_DIGITS,
-    ExactItem,
+    Case,
     Item,
     Reading,
     Values,
@@ -34,20 +34,20 @@ _USUAL_DIGITS = 36
 _CONFIRMED = Fraction(1, 10**30)
 
 
-def _again(case: ExactItem, values: Values) -> Values:
+def _again(case: Case, values: Values) -> Values:
     return truths.compute_again(case, _USUAL_DIGITS)
 
 
-def _shifted(case: ExactItem, values: Values) -> Values:
+def _shifted(case: Case, values: Values) -> Values:
     """Integrate in shifted angles, with ten digits more.
 
     Its own error is then far below the half-widths that it is compared with.
     """
-    return truths.motion(case, _DIGITS["trajectory"] + 10, shift=True)
+    return truths.trajectory_values(case, _DIGITS["trajectory"] + 10, shift=True)
 
 
 #: The methods after the first of each kind, by their names in methods.csv.
-CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
+CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
     "hopf": {"balance": local.hopf_by_balance},
@@ -60,8 +60,8 @@ CONFIRM: dict[str, dict[str, Callable[[ExactItem, Values], Values]]] = {
         "scipy": cycles.scipy,
     },
     "heteroclinic": {
-        "limit-cycles": lambda case, values: truths.connection(case, 60, "limit-cycles"),
-        "scipy": lambda case, values: truths.connection(case, 11, "scipy"),
+        "limit-cycles": lambda case, values: truths.omega_h_values(case, 60, "limit-cycles"),
+        "scipy": lambda case, values: truths.omega_h_values(case, 11, "scipy"),
     },
     "near-heteroclinic": {"full-period": cycles.whole_period, "balance": cycles.balance},
     "rotating-cycle": {
@@ -88,7 +88,7 @@ def methods_of(kind: str) -> dict[str, bool]:
     return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
 
 
-def confirmed(case: ExactItem, values: Values) -> dict[str, Values]:
+def confirmed(case: Case, values: Values) -> dict[str, Values]:
     """Compute the numbers by each further method.
 
     Args:
@@ -148,7 +148,7 @@ def answered(item: Item) -> dict[str, Any]:
             "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
         )
         numbers = {reading: values[reading][name].decimals() for reading in item.readings}
-        quantity = truths.as_quantity(
+        quantity = truths.as_reference_value(
             item,
             name,
             numbers,
@@ -160,7 +160,7 @@ def answered(item: Item) -> dict[str, Any]:
     return {"rows": rows, "proof": proof}
 
 
-def _slopes(case: ExactItem, values: Values) -> truths.Slopes:
+def _slopes(case: Case, values: Values) -> truths.Slopes:
     """Return condition numbers; next to Omega_h by steps far smaller than the distance."""
     if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
         return truths.condition(case, values)

@@ -24,7 +24,7 @@ from tippedisk_verify.audit import (
 )
 from tippedisk_verify.audit.catalogue import CLAIMS
 from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examined
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.flow import baseline
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations

@@ -7,17 +7,17 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.measurement import Score, raced, ratios
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.peers import PEERS
 from tippedisk_verify.bench.problems import problem_named
-from tippedisk_verify.bench.race import Score, raced, ratios
-from tippedisk_verify.figures.race import draw_bench
+from tippedisk_verify.figures.race import draw_race
 
 TRANSIENT = problem_named("transient")
 #: Methods of each family, at their loosest, a middle and their tightest setting.
 RACED = {
     method.name: replace(method, settings=[method.settings[n] for n in (0, 2, -1)])
-    for method in METHODS
+    for method in BENCH_METHODS
     if method.name in ("taylor", "scipy DOP853", "scipy Radau")
 }
 
@@ -55,7 +55,7 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
     found = raced([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
     assert [score.status for score in found] == ["gave up", "failed: no such luck"]
     assert all(score.error is None and score.seconds is None for score in found)
-    axis = draw_bench(found).axes[0]
+    axis = draw_race(found).axes[0]
     assert [text.get_text() for text in axis.texts] == ["failed"]
     drawn = [line.get_ydata()[0] for line in axis.lines if len(line.get_xdata())]
     assert len(drawn) == 1  # one mark for the method, above all errors
@@ -64,7 +64,11 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
 
 def test_each_method_has_its_own_look_in_the_order_of_the_curves() -> None:
     own = [f"my {n}" for n in range(12)]
-    names = [*(method.name for method in METHODS), *(method.name for _, method in PEERS), *own]
+    names = [
+        *(method.name for method in BENCH_METHODS),
+        *(method.name for _, method in PEERS),
+        *own,
+    ]
     scores = [
         Score("p", name, "", "1e-6", "reached", 1e-9, None, 99.0 - n, 0.0, 0.0, 1, 1, 1e-9)
         for n, name in enumerate(names)
@@ -72,7 +76,7 @@ def test_each_method_has_its_own_look_in_the_order_of_the_curves() -> None:
     slower = [
         replace(score, seconds=99.0 + n) for n, score in enumerate(scores) if score.method in own
     ]
-    figure = draw_bench(scores)
+    figure = draw_race(scores)
     assert [text.get_text() for text in figure.axes[0].texts] == ["reference"]
     (legend,) = figure.legends
     assert [text.get_text() for text in legend.get_texts()] == names[::-1]
@@ -81,7 +85,7 @@ def test_each_method_has_its_own_look_in_the_order_of_the_curves() -> None:
             line.get_label(): (line.get_color(), line.get_marker(), line.get_markerfacecolor())
             for line in drawn.legends[0].get_lines()
         }
-        for drawn in (figure, draw_bench(slower))
+        for drawn in (figure, draw_race(slower))
     )
     assert len(set(looks.values())) == len(names)
     # An own method's look depends neither on its time nor on the suite's methods.

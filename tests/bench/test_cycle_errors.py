@@ -14,11 +14,11 @@ from scipy.stats import linregress
 
 import tippedisk_verify as tv
 from tests.command_line import answer
-from tippedisk_verify.bench.methods import METHODS, Method, MethodRun, Prepared
-from tippedisk_verify.bench.own import method_of
-from tippedisk_verify.bench.own_race import program_method
+from tippedisk_verify.bench.measurement import Score, fitted_order, raced
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.own_methods import method_of
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
-from tippedisk_verify.bench.race import Score, fitted_order, raced
+from tippedisk_verify.bench.race import program_method
 from tippedisk_verify.bench.truth import has_error, returning
 
 #: Seven periods, in which the distance from the cycle shrinks to 2e-3 (its multiplier is 0.413).
@@ -130,7 +130,7 @@ def test_a_program_and_the_suites_methods_have_these_errors(tmp_path: Path) -> N
         "    print(json.dumps({'states': [list(y) for y in states]}), flush=True)\n"
     )
     with program_method(f"{sys.executable} {script}", 1e-6) as program:
-        suite = [one for one in METHODS if one.name in ("taylor", "scipy LSODA, compiled")]
+        suite = [one for one in BENCH_METHODS if one.name in ("taylor", "scipy LSODA, compiled")]
         scores = raced([cycle], [program, method_of("mine", rk4, 1e-6), *suite])
     by = {(score.method, score.setting): score.error or 1.0 for score in scores}
     # Both do the same arithmetic. Rounding is below 1e-13 s.
@@ -148,8 +148,8 @@ def test_problems_whose_motion_does_not_return_are_left_out() -> None:
 
 
 def test_the_command_writes_the_error_and_its_unit(tmp_path: Path, monkeypatch: Any) -> None:
-    taylor = next(method for method in METHODS if method.name == "taylor")
-    monkeypatch.setattr("tippedisk_verify.bench.methods.METHODS", (taylor,))
+    taylor = next(method for method in BENCH_METHODS if method.name == "taylor")
+    monkeypatch.setattr("tippedisk_verify.bench.methods.BENCH_METHODS", (taylor,))
     result = answer(f"bench --only cycle --error period --out {tmp_path / 'out'}")
     assert {run["error_of"] for run in result["runs"]} == {"period"}
     header, first, *_ = (tmp_path / "out" / "bench.csv").read_text().splitlines()

@@ -23,10 +23,10 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
-from tippedisk_verify.bench.own import method_of, question
-from tippedisk_verify.bench.own_race import program_method
+from tippedisk_verify.bench.measurement import machine, raced
+from tippedisk_verify.bench.own_methods import method_of, question
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
-from tippedisk_verify.bench.race import machine, raced
+from tippedisk_verify.bench.race import program_method
 
 TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(
@@ -303,7 +303,7 @@ def test_a_program_without_an_answer_ends_the_command_with_status_1(tmp_path: Pa
     script, command = tmp_path / "mine.py", f"{sys.executable} {tmp_path / 'mine.py'}"
     script.write_text("import sys\nsys.exit('there is no file of coefficients')\n")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tippedisk_verify.bench.methods.METHODS", ())
+        patch.setattr("tippedisk_verify.bench.methods.BENCH_METHODS", ())
         done = ran(["bench", "--only", "transient", "--quiet", "--program", command])
         assert (done.status, done.out) == (1, "")
         (line,) = done.err.splitlines()

@@ -29,8 +29,8 @@ from tippedisk_verify.conformance.sheet import (
 )
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
-from tippedisk_verify.reference_values.entries import Item, case_of, disagreements
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
+from tippedisk_verify.reference_values.items import Item, case_of, disagreements
 from tippedisk_verify.reference_values.store import Store, stored
 
 

@@ -10,7 +10,7 @@ import pytest
 from tippedisk_verify.connection import bisection
 from tippedisk_verify.connection.bisection import bisect_omega_h, unstable_branch
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status

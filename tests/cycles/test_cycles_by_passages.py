@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
@@ -61,10 +61,10 @@ def test_half_widths_hold_at_the_largest_distance(taylor, law, section) -> None:
 
 
 def test_distances_share_one_omega_h(taylor) -> None:
-    cycle_above(PRINTED, "1e-2", taylor)
+    cycle_above_omega_h(PRINTED, "1e-2", taylor)
     computed = splitting_zero.cache_info().misses
     for distance in ("3e-3", "1e-4", "1e-6", "1e-12"):
-        cycle_above(PRINTED, distance, taylor)
+        cycle_above_omega_h(PRINTED, distance, taylor)
     assert splitting_zero.cache_info().misses == computed
 
 
@@ -73,7 +73,7 @@ def test_orbits_close(taylor) -> None:
     needs.
     """
     for distance in ("1e-6", "1e-12"):
-        _, states = cycle_above(PRINTED, distance, taylor).orbit(3, shifted=True)
+        _, states = cycle_above_omega_h(PRINTED, distance, taylor).orbit(3, shifted=True)
         # Rounding of the state, 1e-16, grows by 1 / D = 1e6 past the saddle.
         assert abs(states[:, 1] + states[:, 0]).max() < 1e-9
 
@@ -92,7 +92,7 @@ def test_passages_give_no_answer_beyond_their_reach(taylor) -> None:
         assert (
             cycle_by_passages(LIBRATING, PRINTED, place, engine, digits, from_omega_h=True) is None
         )
-    assert cycle_above(PRINTED, above, taylor, digits=16).precision != "extended"
+    assert cycle_above_omega_h(PRINTED, above, taylor, digits=16).precision != "extended"
 
 
 @pytest.mark.slow(minutes=1.5)
@@ -102,9 +102,9 @@ def test_monodromy_matrix(taylor, law) -> None:
     more digits.
     """
     parameters = PRINTED.changed(friction=law)
-    quick = cycle_above(parameters, "1e-6", taylor).monodromy
+    quick = cycle_above_omega_h(parameters, "1e-6", taylor).monodromy
     flown = replace(
-        cycle_above(parameters, "1e-6", taylor, digits=20), _start_matrix=None
+        cycle_above_omega_h(parameters, "1e-6", taylor, digits=20), _start_matrix=None
     ).monodromy
     truth = EXTENDED.array(flown.matrix.ravel().tolist()).reshape(3, 3)
     assert (abs(quick.matrix - truth) <= quick.uncertainty + flown.uncertainty).all()

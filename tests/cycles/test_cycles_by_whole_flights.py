@@ -7,10 +7,10 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.cycles_by_whole_flights import with_speed
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
@@ -25,7 +25,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 @pytest.mark.parametrize("distance", ["1e-10", "1e-60"])
 def test_cycles_close(taylor, distance: str) -> None:
     """In a higher precision, half a period maps the state onto its image, up to its half-width."""
-    cycle = cycle_above(CALIBRATED, distance, taylor, digits=15)
+    cycle = cycle_above_omega_h(CALIBRATED, distance, taylor, digits=15)
     assert cycle.period.uncertainty <= cycle.period.value / 10**15
     zeros = -math.log10(float(Fraction(distance)))
     precision = bits(int((60 + 1.8 * zeros) * math.log2(10)))

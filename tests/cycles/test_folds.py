@@ -18,9 +18,9 @@ from tippedisk_verify.cycles import folds
 from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.fourier import Kind
+from tippedisk_verify.cycles.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.omega_h_methods import METHODS, heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.spectral import spectral_fold
 from tippedisk_verify.disk import Disk
@@ -330,7 +330,7 @@ def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> 
     unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
     assert family.connected is not bool(slow.im.value)
     if not family.connected:
-        for method in METHODS:
+        for method in OMEGA_H_METHODS:
             with pytest.raises(NoConnectionError, match="saddle-focus"):
                 heteroclinic(disk, taylor, method=method)
         return

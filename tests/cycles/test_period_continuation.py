@@ -13,7 +13,7 @@ from tippedisk_verify.cycles.period_continuation import (
     cycle_at_half_period,
     cycles_of_rising_period,
 )
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE
@@ -21,7 +21,7 @@ from tippedisk_verify.theory.equilibria import equilibrium
 
 
 def first_of(parameters, taylor):
-    cycle = limit_cycle(parameters, "30.3", taylor, precision=DOUBLE)
+    cycle = shoot_limit_cycle(parameters, "30.3", taylor, precision=DOUBLE)
     guess = (float(cycle.gamma_bar_0), float(cycle.v_0), 30.3)
     return cycle, cycle_at_half_period(parameters, float(cycle.period) / 2, guess, taylor)
 
@@ -57,7 +57,7 @@ def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
     # The law's remainder falls like the power |lambda_s| / lambda_u - 1 = 0.22: at 2e-7 it is 0.03
     # of 7.6.
     assert abs(slope * growth / -2 - 1) < 0.01
-    alone = limit_cycle(parameters, Fraction(float(points[-4].omega)), taylor, digits=20)
+    alone = shoot_limit_cycle(parameters, Fraction(float(points[-4].omega)), taylor, digits=20)
     # T reacts to a rounding of Omega by 2 / (lambda_u (Omega - Omega_h)).
     loss = 50 * 2**-53 * 30 * 2 / growth / above[-4]
     assert abs(2 * points[-4].half_period - float(alone.period)) < loss

@@ -12,7 +12,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cycles.branch import rotating_branch
-from tippedisk_verify.cycles.cycle_at_distance import rotating_below
+from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
@@ -120,7 +120,7 @@ def test_the_period_grows_like_one_passage_of_the_saddle(taylor) -> None:
     )
     constants = []
     for zeros in (3, 5, 7):
-        cycle = rotating_below(PRINTED, f"1e-{zeros}", taylor)
+        cycle = rotating_cycle_below_omega_h(PRINTED, f"1e-{zeros}", taylor)
         assert cycle.stable
         constants.append(float(cycle.period) - zeros * math.log(10) / growth)
         assert float(cycle.dperiod_domega) * 10.0**-zeros * growth == pytest.approx(

@@ -13,7 +13,7 @@ from tests.problems import SETS, decimals, speed_below
 from tippedisk_verify.cycles.error_budget import cycle_in_precision
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import limit_cycle, shoot
+from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.taylor import Taylor
@@ -40,7 +40,7 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
     parameters = SETS[int(which * 3)]
     speed = speed_below(parameters, share * Fraction(8, 10))
     guess = approximate_cycle(parameters, speed)
-    half = limit_cycle(parameters, speed, _ENGINE, guess=guess)
+    half = shoot_limit_cycle(parameters, speed, _ENGINE, guess=guess)
     whole = cycle_in_precision(
         shoot(ReturnMap(WHOLE_PERIOD, parameters, speed, _ENGINE), guess), DOUBLE
     )
@@ -95,7 +95,9 @@ def test_table_2_converges_quadratically(taylor) -> None:
     assert len(shot.residuals) <= 7
     assert shot.residuals[-1] < 32 * 2.0**-52  # some roundings of 1 to 2
     whole = shoot(ReturnMap(WHOLE_PERIOD, CALIBRATED, speed, taylor), (1.69, -1.72))
-    assert abs(whole.image.time - float(limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
+    assert (
+        abs(whole.image.time - float(shoot_limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
+    )
     # Below that a residual is rounding.
     drops = [math.log10(size) for size in whole.residuals if size > 1e-14]
     assert len(whole.residuals) <= 8
@@ -124,7 +126,7 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
     apart = []
     for distance in ("0.004", "0.001"):
         linear, smooth = (
-            limit_cycle(
+            shoot_limit_cycle(
                 PRINTED.with_friction(law), speed_below(PRINTED, distance), taylor, digits=20
             )
             for law in ("linear", "smooth")
@@ -135,7 +137,7 @@ def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
 
 def test_refusals(taylor) -> None:
     with pytest.raises(InputError):
-        limit_cycle(PRINTED, "0", taylor)
+        shoot_limit_cycle(PRINTED, "0", taylor)
     with pytest.raises(NoSuchCycleError, match="v < 0"):
         shoot(ReturnMap(LIBRATING, PRINTED, "30.4", taylor), (1.7, 1.7))
     with pytest.raises(NoSuchCycleError):

@@ -10,7 +10,7 @@ import pytest
 
 from tests.problems import STARTS, held
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.baseline import METHODS, Baseline
+from tippedisk_verify.flow.baseline import SCIPY_METHODS, Baseline
 from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
@@ -90,7 +90,7 @@ def test_more_bits_give_more_digits(taylor: Taylor) -> None:
         assert distance(result.state, truth) < 100 * precision.epsilon, precision.name
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", SCIPY_METHODS)
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
 def test_baselines_agree_with_each_other(method: str, friction) -> None:
     disk = PRINTED.with_friction(friction)

@@ -16,12 +16,12 @@ from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycles_by_whole_flights import fixed_point_near
-from tippedisk_verify.cycles.error_budget import cycle_numbers
+from tippedisk_verify.cycles.error_budget import numbers_in_precision
 from tippedisk_verify.cycles.family import in_batches
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
-from tippedisk_verify.cycles.shooting import LimitCycle, limit_cycle
+from tippedisk_verify.cycles.shooting import LimitCycle, shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -40,7 +40,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.reference_values.entries import ExactItem, Item
+from tippedisk_verify.reference_values.items import Case, Item
 from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.hopf import criticality, omega_crit
@@ -75,14 +75,14 @@ def right_hand_side(draw: Draw) -> Question:
     # Rational: pi has no place there
     angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
-    case = ExactItem(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
+    case = Case(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
     return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
 
 
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
-    case = ExactItem(Item("drawn/linear/hopf/point", {}), disk, {})
+    case = Case(Item("drawn/linear/hopf/point", {}), disk, {})
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 
@@ -308,7 +308,7 @@ def _true_cycle(found: Any, disk: Parameters, digits: int = 22) -> LimitCycle:
         (found.gamma_bar_0.value, found.v_0.value),
         getattr(found.omega, "value", found.omega),
     )
-    return limit_cycle(disk, omega, default_engine(), digits=digits, guess=guess)
+    return shoot_limit_cycle(disk, omega, default_engine(), digits=digits, guess=guess)
 
 
 def cycle(draw: Draw, law: Any) -> Question:
@@ -326,7 +326,7 @@ def cycle_in_double(draw: Draw, law: str) -> Question:
     """In double, whatever digits that gives."""
     disk, omega = _librating(draw, law)
     return Question(
-        lambda: limit_cycle(disk, omega, default_engine(), precision=DOUBLE),
+        lambda: shoot_limit_cycle(disk, omega, default_engine(), precision=DOUBLE),
         partial(_true_cycle, disk=disk),
     )
 
@@ -396,7 +396,7 @@ def by_passages(draw: Draw) -> Question:
         section, above = (LIBRATING, distance) if librates else (ROTATING, -distance)
         omega = found.omega.value
         near = fixed_point_near(section, disk, omega, omega - above, default_engine(), digits=32)
-        numbers = cycle_numbers(near, near.return_map.precision)
+        numbers = numbers_in_precision(near, near.return_map.precision)
         return {name: _exactly(number) for name, number in numbers.items()}
 
     return Question(ask, truth)

@@ -10,7 +10,7 @@ import mpmath
 import pytest
 
 from tippedisk_verify.cycles.folds import libration_folds
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import balanced_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
@@ -87,7 +87,7 @@ def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(
     )
     distance = Fraction(1, 10**7)
     speed = speed_below_crit(disk, distance, 12).value
-    cycle = limit_cycle(disk, speed, taylor)
+    cycle = shoot_limit_cycle(disk, speed, taylor)
     fourth = float(distance) / -float(hopf_point(disk).quartic_coefficient)
     # The next term of the law is smaller by about a^2, a thousandth.
     assert abs(float(cycle.gamma_bar_0) ** 4 / fourth - 1) < 3e-3

@@ -21,7 +21,7 @@ from tippedisk_verify.proofs.kernel.section import (
     return_map,
 )
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse
 
 MIN_STEP = 2.0**-40  # s
 NUMBERS = (
@@ -66,7 +66,7 @@ def carry(
     model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
 ) -> Flight:
     """The flow for a positive time from a box of states."""
-    path, span = model.path(start, Steps(), derivatives=derivatives), ball(duration)
+    path, span = model.path(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
     upright, share = True, 1.0
     while True:
         left = span - path.time  # positive: what was taken is proved to be shorter
@@ -109,12 +109,12 @@ def hull(low: object, high: object) -> Any:
 
 def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
     """The half map over a box."""
-    return return_map(model, LIBRATING_SECTION, (gamma_bar, v), Steps(), **options)
+    return return_map(model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options)
 
 
 def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
     """The turn map over a box."""
-    return return_map(model, ROTATING_SECTION, (beta_bar, v), Steps(), **options)
+    return return_map(model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options)
 
 
 def fixed_in(
@@ -128,8 +128,8 @@ def fixed_in(
     """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
-    centre = return_map(model, section, middle, Steps())
-    over = return_map(model, section, box, Steps(), derivatives=True)
+    centre = return_map(model, section, middle, FlightStepSearch())
+    over = return_map(model, section, box, FlightStepSearch(), derivatives=True)
     if (centre.status, over.status) != (FlowStatus.RETURNED, FlowStatus.RETURNED):
         return None
     (a, b), (c, d) = over.matrix

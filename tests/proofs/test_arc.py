@@ -21,8 +21,8 @@ from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.curve_choices import StepSearch, family_polynomials
+from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.curve_choices import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
@@ -62,7 +62,7 @@ def flown() -> tuple[
 ]:
     """A curve with deviations in all three numbers, its flight and the flight's log."""
     with working_precision(64):
-        line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), StepSearch()
+        line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), CurveStepSearch()
         return line, half_map_of_curves.fly(ball_constants(WIDE), line, choices), choices.log
 
 
@@ -83,7 +83,9 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
                 jet.at(ball(s)) + sign * ball("1e-5")
                 for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)
             ]
-            *image, time, divergence = integrated(*(measured(part.mid()).value for part in start))
+            *image, time, divergence = integrated(
+                *(ball_to_measured(part.mid()).value for part in start)
+            )
             assert flight.divergence.at(ball(s)).contains(divergence)
             if not any(signs):
                 assert flight.own_time.at(ball(s)).contains(time)
@@ -163,7 +165,9 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
 def test_a_flight_ends_where_the_disk_lies_flat() -> None:
     with working_precision(64), pytest.raises(certificates.Unproved, match="upright"):
         half_map_of_curves.fly(
-            ball_constants(PRINTED), curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)), StepSearch()
+            ball_constants(PRINTED),
+            curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)),
+            CurveStepSearch(),
         )
 
 
@@ -179,7 +183,9 @@ def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
         deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
-    return arc_test(constants, half_map_of_curves.Curve(g, v, omega, deviation, half), StepSearch())
+    return arc_test(
+        constants, half_map_of_curves.Curve(g, v, omega, deviation, half), CurveStepSearch()
+    )
 
 
 @pytest.mark.slow

@@ -30,7 +30,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.field import field
-from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import prove_connection
 
 NOT_NUMBERS = (
@@ -53,7 +53,7 @@ def test_nothing_is_proved_of_what_is_not_finite(strange) -> None:
     assert not positive(strange)
     assert not negative(strange)
     with pytest.raises(InputError, match="infinite"):
-        measured(strange)
+        ball_to_measured(strange)
 
 
 def test_predicates_are_strict() -> None:
@@ -77,7 +77,7 @@ def test_predicates_are_strict() -> None:
 )
 def test_a_ball_holds_its_exact_number(text, bits) -> None:
     with working_precision(bits):
-        found = measured(ball(exact(text)))
+        found = ball_to_measured(ball(exact(text)))
     low, high = exact(text).enclosed(400)
     assert found.value - found.uncertainty <= low
     assert high <= found.value + found.uncertainty
@@ -105,9 +105,9 @@ def test_what_a_ball_shares_with_an_interval_is_held() -> None:
         )
         # An intersection's radius has 16 bits or more in python-flint; and the rounding of sums of
         # doubles.
-        assert measured(both).uncertainty <= (high - low) / 2 * (1 + Fraction(1, 2**15)) + Fraction(
-            1, 2**50
-        )
+        assert ball_to_measured(both).uncertainty <= (high - low) / 2 * (
+            1 + Fraction(1, 2**15)
+        ) + Fraction(1, 2**50)
     unit = arb(0).union(arb(1))
     assert intersection(arb.nan(), unit).contains(unit)
 

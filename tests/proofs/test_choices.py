@@ -16,12 +16,12 @@ from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, short_float
 from tippedisk_verify.proofs.kernel.section import LIBRATING_SECTION, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Step
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA, START = "30.4", (1.7, -1.72)
 
 
-class Careless(Steps):
+class Careless(FlightStepSearch):
     """Draws lengths, orders and axes."""
 
     def __init__(self, draw: random.Random) -> None:
@@ -83,7 +83,7 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
     assert shown
 
 
-class Stale(Steps):
+class Stale(FlightStepSearch):
     """Keeps a trial when the path has moved on."""
 
     trial: Any = None
@@ -93,7 +93,7 @@ class Stale(Steps):
         return self.trial.tested(2.0**-9)
 
 
-class Forging(Steps):
+class Forging(FlightStepSearch):
     """Hands over another step than the one that was tested."""
 
     def __init__(self, forged: Callable[[Step], Step]) -> None:
@@ -105,7 +105,7 @@ class Forging(Steps):
         return None if step is None else self.forged(step)
 
 
-class Meddling(Steps):
+class Meddling(FlightStepSearch):
     """Writes into what it is shown."""
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
@@ -120,7 +120,7 @@ class Meddling(Steps):
             row[:] = [entry / 1024 for entry in row]
 
 
-def flown(proposer: Steps) -> Return:
+def flown(proposer: FlightStepSearch) -> Return:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
         return return_map(
@@ -129,7 +129,7 @@ def flown(proposer: Steps) -> Return:
 
 
 def test_the_kernel_believes_its_own_steps_only() -> None:
-    honest = flown(Steps())
+    honest = flown(FlightStepSearch())
     doubled = Forging(lambda step: replace(step, length=2 * step.length))
     for proposer in (Stale(), doubled):
         with pytest.raises(ValueError, match="not the latest trial"):

@@ -15,7 +15,7 @@ import pytest
 from tests.command_line import answer, assert_refused
 from tests.proofs.cases import Change, proved_connection, put
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
@@ -190,7 +190,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     kappa, least_time = (float(end.numbers[name]) for name in ("kappa", "T"))
     assert end.high - OMEGA_H > Fraction("5.6e-3")
     for share in (Fraction(9, 10), Fraction(1, 30)):
-        cycle = limit_cycle(PRINTED, OMEGA_H + (end.high - OMEGA_H) * share, taylor)
+        cycle = shoot_limit_cycle(PRINTED, OMEGA_H + (end.high - OMEGA_H) * share, taylor)
         with working_precision(64):
             assert end.meets(
                 ball(cycle.omega.value), ball(cycle.gamma_bar_0.value), ball(cycle.v_0.value)

@@ -16,7 +16,7 @@ from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.cycle import (
     ROTATING_SECTION,
     CycleStatus,
@@ -128,12 +128,12 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
 def test_subcritical_cycles_are_proved_unstable(taylor) -> None:
     thin = PRINTED.changed(A="0.231e-3")
     omega = speed_below(thin, "-0.01")
-    cycle = limit_cycle(thin, omega, taylor)
+    cycle = shoot_limit_cycle(thin, omega, taylor)
     proof = prove_cycle(thin, omega, (cycle.gamma_bar_0.value, cycle.v_0.value))
     assert proof.proved, proof.statement
     assert proof.stable is False
     assert positive(proof.values["log_multiplier_slow"])
-    assert measured(proof.values["multiplier_slow"]).value > 1
+    assert ball_to_measured(proof.values["multiplier_slow"]).value > 1
 
 
 @FLIGHTS

@@ -33,14 +33,14 @@ from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family_intervals as search
-from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection_cycles import (
     ConnectionCyclesProof,
     ConnectionCyclesStatus,
 )
-from tippedisk_verify.proofs.search.curve_choices import BITS, StepSearch, prove_piece
+from tippedisk_verify.proofs.search.curve_choices import BITS, CurveStepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle import prove_cycle
 from tippedisk_verify.proofs.search.family import FamilyProof
+from tippedisk_verify.proofs.search.proof import parameter_texts
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
@@ -119,7 +119,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
         curve = ScaledCurve(
             Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
         )
-        found = fly(constants, curve, StepSearch())
+        found = fly(constants, curve, CurveStepSearch())
         image, matrix = (
             [jet.c[0] for jet in found.image],
             [[jet.c[0] for jet in row] for row in found.matrix],

@@ -28,8 +28,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     verify,
     verify_piece,
 )
-from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.family import FamilyProof
+from tippedisk_verify.proofs.search.proof import parameter_texts
 
 
 # ------------------------------------------------------------------------------------------- gluing

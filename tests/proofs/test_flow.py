@@ -16,8 +16,8 @@ from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA = Fraction("30.3866")
 START = ("0", "1.69", "-1.71")
@@ -76,7 +76,9 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
-        trial = Model(constants, ball(1), blow_up).path([2, 1, 1], Steps()).trial((18, 16))
+        trial = (
+            Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch()).trial((18, 16))
+        )
         assert [trial.tested(length).included for length in lengths] == shown
         array_model = Model(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
@@ -84,7 +86,10 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
         assert (
             list(
-                array_model.path(start, Steps()).trial((18, 16)).tested(BallArray(lengths)).included
+                array_model.path(start, FlightStepSearch())
+                .trial((18, 16))
+                .tested(BallArray(lengths))
+                .included
             )
             == shown
         )
@@ -125,14 +130,14 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
         strict=True,
     ):
         for mine, other in zip(row, others, strict=True):
-            assert measured(mine).holds(other)
+            assert ball_to_measured(mine).holds(other)
             # The flight multiplies roundings by some thousands, and each step adds its own.
             assert mine.rad() < 2.0 ** (24 - 100)
 
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
     with working_precision(64):
-        path = model().path(start(), Steps())
+        path = model().path(start(), FlightStepSearch())
         while path.time < arb(0.1):
             step = path.step()
             assert step is not None

@@ -12,7 +12,7 @@ import pytest
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
@@ -153,7 +153,7 @@ def test_no_fold_is_proved_beside_one(taylor, subcritical_fold) -> None:
     short = prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH * 3 / 2))
     assert "not proved to rise at one end" in short.where
     held(prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH / 2)), subcritical_fold, 12)
-    cycle = limit_cycle(PRINTED, "30.4", taylor, digits=25)
+    cycle = shoot_limit_cycle(PRINTED, "30.4", taylor, digits=25)
     without = prove_fold(PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
     assert "not proved to rise at one end" in without.where
     assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved

@@ -32,12 +32,12 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     cones,
     leaving,
 )
-from tippedisk_verify.proofs.search.certificate import parameter_texts
 from tippedisk_verify.proofs.search.connection import (
     eigenvectors,
     series_of_curve,
     smallest_weights,
 )
+from tippedisk_verify.proofs.search.proof import parameter_texts
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 from tippedisk_verify.theory.series import PowerSeries
 

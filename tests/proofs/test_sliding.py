@@ -24,13 +24,13 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import sliding_motion
 from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
-from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import (
     ProvedConnection,
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle import prove_cycle
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 from tippedisk_verify.reference_values.lookup import reference
 
 SMOOTH = PRINTED.with_friction("smooth")
@@ -80,7 +80,7 @@ LATER = "0.08"  # s
 def test_reversals_are_counted_and_the_sign_between_them_is_known(
     start: Any, span: str, reversals: int
 ) -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in start], Steps())
+    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in start], FlightStepSearch())
     assert isinstance(path, SlidingPath)
     crossings, before = 0, path.side
     while path.time < ball(span):
@@ -111,7 +111,7 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start, Steps(), derivatives=True)
+    path = model_of(SMOOTH, ball(OMEGA)).path(start, FlightStepSearch(), derivatives=True)
     step = path.step()
     while not isinstance(step, Crossing):
         assert step is not None
@@ -133,7 +133,7 @@ def test_the_reference_cycle_returns_to_its_start() -> None:
     assert (flight.status, flight.reversals) == (FlowStatus.RETURNED, 3)
     held = [*flight.image, 2 * flight.time, -flight.beta_least]
     for mine, other in zip(held, (*start, truth["period"], truth["beta_max"]), strict=True):
-        assert measured(mine).holds(other.value)
+        assert ball_to_measured(mine).holds(other.value)
         # The flight multiplies the roundings of 100 bits by some thousands.
         assert mine.rad() < 2.0 ** (24 - 100)
 

@@ -17,7 +17,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.reference_values.draws import decimal_text
-from tippedisk_verify.reference_values.entries import READINGS, Item
+from tippedisk_verify.reference_values.items import READINGS, Item
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import POINTS
 

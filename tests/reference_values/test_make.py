@@ -19,8 +19,8 @@ from tests.reference_values.places import PLACES
 from tests.stress.runs import MAKE
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.checking import check, entries_of
-from tippedisk_verify.reference_values.entries import case_of
+from tippedisk_verify.reference_values.checking import check, stored_questions
+from tippedisk_verify.reference_values.items import case_of
 from tippedisk_verify.reference_values.store import Store, quantity_definitions, stored
 
 SETS = ("table1", "calibrated")
@@ -59,7 +59,7 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
 def test_questions_are_where_the_rules_put_them(kind: str) -> None:
     for name in SETS:
         stored_items = [
-            one.item for one in entries_of(stored(), f"{name}/") if one.item.kind == kind
+            one.item for one in stored_questions(stored(), f"{name}/") if one.item.kind == kind
         ]
         assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
             (one.id, dict(one.inputs), one.readings) for one in stored_items
@@ -68,7 +68,7 @@ def test_questions_are_where_the_rules_put_them(kind: str) -> None:
 
 def test_the_further_methods_agree() -> None:
     for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
-        entries = [entry for entry in entries_of(stored()) if entry.item.kind == kind]
+        entries = [entry for entry in stored_questions(stored()) if entry.item.kind == kind]
         for entry in random.Random(7).sample(entries, min(2, len(entries))):
             values = entry.values("doubles")
             answers = confirmed(case_of(entry.item, "doubles"), values)
@@ -80,7 +80,7 @@ def test_the_further_methods_agree() -> None:
     "id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"]
 )
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
-    (entry,) = entries_of(stored(), f"{id_}/")
+    (entry,) = stored_questions(stored(), f"{id_}/")
     answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
     assert set(answers) == set(CONFIRM[entry.item.kind])
 
@@ -101,7 +101,7 @@ def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> Non
 def test_a_false_value_is_excluded_by_another_method(
     id_: str, reading: str, name: str, false: Callable[[Measured], Measured], by: str
 ) -> None:
-    (entry,) = entries_of(stored(), f"{id_}/")
+    (entry,) = stored_questions(stored(), f"{id_}/")
     values = entry.values(reading)
     values[name] = false(values[name])
     with pytest.raises(AccuracyError, match=f"by {by}: {name}"):

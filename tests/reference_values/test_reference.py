@@ -21,8 +21,13 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.reference_values.checking import StoredItem, check, entries_of, recomputed
-from tippedisk_verify.reference_values.entries import as_doubles, case_of
+from tippedisk_verify.reference_values.checking import (
+    StoredItem,
+    check,
+    recomputed,
+    stored_questions,
+)
+from tippedisk_verify.reference_values.items import as_doubles, case_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import (
@@ -148,7 +153,7 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
     ],
 )
 def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> None:
-    known = [entry for entry in entries_of(store) if entry.item.kind == kind]
+    known = [entry for entry in stored_questions(store) if entry.item.kind == kind]
     for entry in random.Random(7).sample(known, min(entries, len(known))):
         count, faults = recomputed(entry)
         assert faults == []
@@ -157,7 +162,7 @@ def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> Non
 
 @pytest.mark.parametrize("id_", ["limit-cycle/crit-0.5", "rotating-cycle/unstable-crit+0.5"])
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
-    (entry,) = entries_of(store, f"table1/linear/{id_}/")
+    (entry,) = stored_questions(store, f"table1/linear/{id_}/")
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
     found = shoot_known_cycle(case, values, Baseline())
     names = found.return_map.section.names
@@ -166,7 +171,7 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
 
 
 def test_a_false_digit_is_found(store: Store) -> None:
-    (entry,) = entries_of(store, "table1/linear/hopf/")
+    (entry,) = stored_questions(store, "table1/linear/hopf/")
     changed = []
     for quantity in entry.quantities:
         value, uncertainty = quantity.values["decimals"]

@@ -443,7 +443,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     (
         ((), (1.0,), (1.0, -1.0, 2.0), *((x, x) for x in (math.nan, math.inf, 0, 10**400))),
         [
-            lambda x: tv.limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
+            lambda x: tv.shoot_limit_cycle(tv.PRINTED, "30.4", _ENGINE, guess=x),
         ],
     ),
     ((*TEXTS, *OBJECTS), [lambda x: _DISK.heteroclinic(method=x)]),

@@ -18,7 +18,7 @@ from typing import Any, Literal, NamedTuple, TypeVar
 from tippedisk_verify.audit.citations import cited
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.branch import cycles_found, librating_branch
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -28,7 +28,7 @@ from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.motion.scenes import Panel, panel_of, scene_named
+from tippedisk_verify.motion.scenes import ComputedScene, computed_scene, scene_named
 
 __all__ = [
     "Answer",
@@ -263,17 +263,18 @@ class Audit(Printable):
             lambda: tuple(cycles_found(librating_branch(self._set(name), self.engine))),
         )
 
-    def panel(self, scene: str, name: str) -> Panel:
-        """Return the panel of one of the six scenes for a set.
+    def panel(self, scene: str, name: str) -> ComputedScene:
+        """Return one of the six scenes, computed for a set.
 
         Args:
             scene: The scene's letter, a to f.
             name: The set's name.
         """
-        panel = scene_named(scene)
-        omega_h = self.omega_h(name) if panel.base == "Omega_h" else None
+        definition = scene_named(scene)
+        omega_h = self.omega_h(name) if definition.base == "Omega_h" else None
         return self._once(
-            (scene, name), lambda: panel_of(panel, self._set(name), self.engine, omega_h=omega_h)
+            (scene, name),
+            lambda: computed_scene(definition, self._set(name), self.engine, omega_h=omega_h),
         )
 
 

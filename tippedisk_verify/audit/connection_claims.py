@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, number
 from tippedisk_verify.connection.bisection import unstable_branch
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request

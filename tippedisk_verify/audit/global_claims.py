@@ -11,7 +11,7 @@ from itertools import pairwise
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
 from tippedisk_verify.audit.connection_claims import FAMILY
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
@@ -72,7 +72,7 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     truth = cycle_at(audit.sets[name], speed, audit.engine)
     gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
     try:
-        cycle = limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
+        cycle = shoot_limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
     except NoSuchCycleError as reason:
         return f"does not converge: {reason}", False
     pairs = (

@@ -1,4 +1,4 @@
 """The comparison of run time and error of integrators.
 
-`problems` are integrated by `methods` and `peers`; `race` measures them.
+`problems` are integrated by `methods` and `peers`; `measurement` measures them.
 """

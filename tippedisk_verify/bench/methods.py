@@ -15,7 +15,7 @@ from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
-__all__ = ["METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
+__all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
 
 # Relative and absolute tolerances, loosest first.
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
@@ -224,7 +224,7 @@ def _linear(problem: Problem) -> bool:
     return problem.parameters.law.is_linear
 
 
-METHODS: tuple[Method, ...] = (
+BENCH_METHODS: tuple[Method, ...] = (
     Method("bare heyoka", "bare", tuple(_PRECISIONS), _bare, _linear),
     Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor)),
     Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor, fast_math=True)),

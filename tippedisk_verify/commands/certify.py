@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import (
-    Common,
-    Output,
+    DiskOptions,
+    OutputOptions,
     alone_in,
     below_crit_option,
     certificate_option,
@@ -46,7 +46,7 @@ __all__ = ["COMMANDS"]
 @omega_option
 @below_crit_option
 def equilibria(
-    common: Common, every_speed: bool, omega: str | None, below_crit: str | None
+    common: DiskOptions, every_speed: bool, omega: str | None, below_crit: str | None
 ) -> dict[str, Any]:
     prover, digits = common.disk.certify, common.digits
     if every_speed:
@@ -64,7 +64,7 @@ def equilibria(
 @disk_command(
     "Prove the Hopf point: where it is, its normal form, and on which side the limit cycles are."
 )
-def hopf(common: Common) -> dict[str, Any]:
+def hopf(common: DiskOptions) -> dict[str, Any]:
     return {"proved": True, **common.disk.certify.hopf(digits=common.digits).to_dict()}
 
 
@@ -90,7 +90,7 @@ def hopf(common: Common) -> dict[str, Any]:
 @omega_option
 @below_crit_option
 def orbit(
-    common: Common,
+    common: DiskOptions,
     guess: tuple[str, str] | None,
     rotating: bool,
     unstable: bool,
@@ -132,7 +132,7 @@ def orbit(
 )
 @certificate_option
 def heteroclinic(
-    common: Common, near: str | None, cycles: str | None, certificate: Path | None
+    common: DiskOptions, near: str | None, cycles: str | None, certificate: Path | None
 ) -> Any:
     prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
     if cycles is None:
@@ -169,7 +169,7 @@ def _written(proof: Any, certificate: Path | None) -> Any:
 @certificate_option
 @jobs_option
 def branch(
-    common: Common, to: str | None, out: str | None, certificate: Path | None, jobs: int | None
+    common: DiskOptions, to: str | None, out: str | None, certificate: Path | None, jobs: int | None
 ) -> int:
 
     def workers(several: bool) -> Any:
@@ -200,7 +200,7 @@ def branch(
 )
 @click.argument("file")
 @jobs_option
-def check(output: Output, file: str, jobs: int | None) -> int:
+def check(output: OutputOptions, file: str, jobs: int | None) -> int:
     from tippedisk_verify.proofs.kernel import certificates
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:

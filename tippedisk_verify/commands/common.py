@@ -28,8 +28,8 @@ from tippedisk_verify.progress import Advance, progress_of
 
 __all__ = [
     "MOTION_COLUMNS",
-    "Common",
-    "Output",
+    "DiskOptions",
+    "OutputOptions",
     "alone_in",
     "below_crit_option",
     "certificate_option",
@@ -55,7 +55,7 @@ _BETWEEN_WORDS: dict[str, Any] = {"break_long_words": False, "break_on_hyphens":
 
 # ---------------------------------------------------------------------------------- common options
 @dataclass(frozen=True)
-class Output:
+class OutputOptions:
     """The options of a command that say how its result is printed."""
 
     json: bool
@@ -103,7 +103,7 @@ class Output:
 
 
 @dataclass(frozen=True)
-class Common(Output):
+class DiskOptions(OutputOptions):
     """The options that all commands about one disk share, with the disk."""
 
     disk: Any
@@ -234,19 +234,19 @@ certificate_option = click.option(
 def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Return a decorator that makes a command of a function.
 
-    The function takes an `Output` and the options declared below the decorator. Its result is
+    The function takes an `OutputOptions` and the options declared below the decorator. Its result is
     printed, unless it is an exit status.
 
     Args:
         help_text: The help of the command.
     """
-    return partial(_command, help_text, _OUTPUT, Output)
+    return partial(_command, help_text, _OUTPUT, OutputOptions)
 
 
 def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Return a decorator that makes a command about one disk of a function.
 
-    The function takes a `Common` and the options declared below the decorator, as with `command`.
+    The function takes a `DiskOptions` and the options declared below the decorator, as with `command`.
 
     Args:
         help_text: The help of the command.
@@ -257,7 +257,7 @@ def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command
 def _command(
     help_text: str,
     shared: Sequence[click.Option],
-    make_output: Callable[..., Output],
+    make_output: Callable[..., OutputOptions],
     function: Callable[..., Any],
 ) -> click.Command:
     names = [option.name for option in shared]
@@ -273,11 +273,11 @@ def _command(
     return DefinedCommand(name, params=params, callback=run, help=help_text)
 
 
-def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> Common:
+def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> DiskOptions:
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.model.precision import checked_digits
 
-    return Common(json, quiet, Disk(parameters, friction=friction), checked_digits(digits))
+    return DiskOptions(json, quiet, Disk(parameters, friction=friction), checked_digits(digits))
 
 
 def group(name: str, help_text: str, *commands: click.Command) -> click.Group:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import (
-    Output,
+    OutputOptions,
     alone_in,
     checked,
     command,
@@ -131,7 +131,7 @@ _grading_options = _combined_options(
 @click.argument("file", metavar="[FILE.csv|FILE.json]", required=False)
 @_question_options
 def questions(
-    output: Output,
+    output: OutputOptions,
     file: str | None,
     set_: tuple[str, ...],
     friction: tuple[str, ...],
@@ -193,7 +193,7 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
 @click.argument("file", metavar="FILE")
 @_from_option
 @_grading_options
-def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
+def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -> int:
     from tippedisk_verify.conformance.grading import graded
 
     with output.progress() as advance:
@@ -230,7 +230,7 @@ def grade(output: Output, file: str, from_: str | None, **grading: Any) -> int:
 @_from_option
 @_grading_options
 def run(
-    output: Output,
+    output: OutputOptions,
     command: tuple[str, ...],
     set_: tuple[str, ...],
     friction: tuple[str, ...],
@@ -301,7 +301,7 @@ def run(
 @click.argument("old", metavar="OLD")
 @click.argument("new", metavar="NEW")
 @_from_option
-def compare(output: Output, old: str, new: str, from_: str | None) -> int:
+def compare(output: OutputOptions, old: str, new: str, from_: str | None) -> int:
     from tippedisk_verify.conformance.gate import grade_changes
     from tippedisk_verify.conformance.grading import graded
 
@@ -401,7 +401,7 @@ class _RequestedOutput:
 
     def report(
         self,
-        output: Output,
+        output: OutputOptions,
         store: Store,
         asked: Sequence[ReferenceValue],
         grades: Sequence[Grade],

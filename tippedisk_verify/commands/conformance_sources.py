@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.commands.common import Output, command
+from tippedisk_verify.commands.common import OutputOptions, command
 from tippedisk_verify.conformance import CLIENTS_FOLDER as FOLDER
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.errors import InputError
@@ -29,17 +29,17 @@ GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
     "cycles in AUTO-07p."
 )
 @click.argument("language", metavar="|".join(CLIENTS))
-def client(output: Output, language: str) -> int:
+def client(output: OutputOptions, language: str) -> int:
     return _printed(output, language, CLIENTS)
 
 
 @command("Print a program in this language that grades answers with the table of reference data.")
 @click.argument("language", metavar="|".join(GRADERS))
-def grader(output: Output, language: str) -> int:
+def grader(output: OutputOptions, language: str) -> int:
     return _printed(output, language, GRADERS)
 
 
-def _printed(output: Output, language: str, files: dict[str, str]) -> int:
+def _printed(output: OutputOptions, language: str, files: dict[str, str]) -> int:
     if language not in files:
         raise InputError(
             f"there is no program in '{printable(language)[:40]}': use {', '.join(files)}"
@@ -52,7 +52,7 @@ def _printed(output: Output, language: str, files: dict[str, str]) -> int:
 
 
 @command("Print the guide to grading an implementation: the pages docs/grading*.md.")
-def guide(output: Output) -> int:
+def guide(output: OutputOptions) -> int:
     packed = FOLDER.parent / "guide"
     pages = sorted((packed if packed.exists() else FOLDER.parents[2] / "docs").glob("grading*.md"))
     text = "\n".join(page.read_text(encoding="utf-8") for page in pages)

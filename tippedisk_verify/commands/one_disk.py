@@ -12,7 +12,7 @@ import click
 
 from tippedisk_verify.commands.common import (
     MOTION_COLUMNS,
-    Common,
+    DiskOptions,
     alone_in,
     below_crit_option,
     decimal,
@@ -91,7 +91,7 @@ _STATES = ("inverted", "noninverted")
     help="Write a table of the motion and its events there, or a figure.",
 )
 def integrate(
-    common: Common,
+    common: DiskOptions,
     omega: str | None,
     below_crit: str | None,
     state: str,
@@ -164,7 +164,7 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
 @disk_command("Compute states, eigenvalues and stability of inverted and noninverted spinning.")
 @omega_option
 @below_crit_option
-def equilibria(common: Common, omega: str | None, below_crit: str | None) -> dict[str, Any]:
+def equilibria(common: DiskOptions, omega: str | None, below_crit: str | None) -> dict[str, Any]:
     speed = common.speed(omega, below_crit)
     return {
         name: common.disk.equilibrium(name, speed, digits=common.digits).to_dict()
@@ -176,7 +176,7 @@ def equilibria(common: Common, omega: str | None, below_crit: str | None) -> dic
     "Compute the Hopf point: speed, period, first Lyapunov coefficient, laws of "
     "amplitude and period."
 )
-def hopf(common: Common) -> Any:
+def hopf(common: DiskOptions) -> Any:
     return common.disk.hopf(digits=common.digits)
 
 
@@ -211,7 +211,7 @@ def hopf(common: Common) -> Any:
     metavar="X",
     help="The angle gamma at which h is evaluated [rad].",
 )
-def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamma: str) -> Any:
+def slow_manifold(common: DiskOptions, order: int, omega: str | None, beta: str, gamma: str) -> Any:
     return common.disk.slow_manifold(order, omega, at=(beta, gamma), digits=common.digits)
 
 
@@ -239,7 +239,7 @@ def slow_manifold(common: Common, order: int, omega: str | None, beta: str, gamm
 @unstable_option
 @half_widths_option
 def orbit(
-    common: Common,
+    common: DiskOptions,
     omega: str | None,
     below_crit: str | None,
     above_het: str | None,
@@ -286,7 +286,7 @@ def orbit(
     help="Number of odd harmonics; chosen for the digits if not given.",
 )
 def harmonic_balance(
-    common: Common, omega: str | None, below_crit: str | None, harmonics: int | None
+    common: DiskOptions, omega: str | None, below_crit: str | None, harmonics: int | None
 ) -> Any:
     speed = common.speed(omega, below_crit)
     return common.disk.harmonic_balance(speed, harmonics=harmonics, digits=common.digits)
@@ -304,7 +304,7 @@ def harmonic_balance(
 )
 @half_widths_option
 def branch(
-    common: Common,
+    common: DiskOptions,
     paper_sets: bool,
     omegas: str | None,
     rotating: bool,
@@ -413,7 +413,7 @@ def _family_lines(result: dict[str, Any]) -> Iterator[str]:
 @click.option("--out", metavar="DIR", help="Write a picture and a CSV file to this directory.")
 @jobs_option
 def basin(
-    common: Common,
+    common: DiskOptions,
     omega: str | None,
     below_crit: str | None,
     count: int,

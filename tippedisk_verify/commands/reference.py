@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from tippedisk_verify.commands.common import (
-    Output,
+    OutputOptions,
     command,
     group,
 )
@@ -41,7 +41,7 @@ __all__ = ["COMMANDS"]
 @click.option("--seed", type=int, default=0, metavar="N", help="The seed that chooses the sample.")
 @jobs_option
 def check(
-    output: Output, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None
+    output: OutputOptions, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None
 ) -> int:
     from tippedisk_verify.reference_values.checking import check as checked
     from tippedisk_verify.reference_values.manifest import data_folder
@@ -64,7 +64,7 @@ def check(
     "data's version."
 )
 @click.argument("prefix", default="")
-def list_(output: Output, prefix: str) -> int:
+def list_(output: OutputOptions, prefix: str) -> int:
     from tippedisk_verify.reference_values.lookup import references
     from tippedisk_verify.reference_values.manifest import data_folder, read_manifest
 
@@ -82,7 +82,7 @@ def list_(output: Output, prefix: str) -> int:
     """
 )
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
-def show(output: Output, ids: tuple[str, ...]) -> int:
+def show(output: OutputOptions, ids: tuple[str, ...]) -> int:
     from tippedisk_verify.reference_values.lookup import reference as value_of
 
     quantities = [value_of(id_) for id_ in ids]
@@ -102,7 +102,7 @@ def show(output: Output, ids: tuple[str, ...]) -> int:
     help="The format: a table, one JSON object a line, or a test file to include.",
 )
 @click.option("--out", required=True, metavar="FILE", help="The file to write.")
-def export(output: Output, prefix: str, format_: str, out: str) -> int:
+def export(output: OutputOptions, prefix: str, format_: str, out: str) -> int:
     from tippedisk_verify.reference_values.export import export as exported
     from tippedisk_verify.reference_values.lookup import references
 

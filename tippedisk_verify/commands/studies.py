@@ -10,8 +10,8 @@ from typing import Any
 import click
 
 from tippedisk_verify.commands.common import (
-    Common,
-    Output,
+    DiskOptions,
+    OutputOptions,
     alone_in,
     checked,
     command,
@@ -62,7 +62,12 @@ __all__ = ["COMMANDS"]
 )
 @jobs_option
 def sweep(
-    common: Common, analysis: str, over: tuple[str, ...], out: Path, executor: str, jobs: int | None
+    common: DiskOptions,
+    analysis: str,
+    over: tuple[str, ...],
+    out: Path,
+    executor: str,
+    jobs: int | None,
 ) -> int:
     from tippedisk_verify.sweep.plan import Plan, axis
     from tippedisk_verify.sweep.running import swept
@@ -95,7 +100,7 @@ def sweep(
 @click.option("--answers", multiple=True, metavar="FILE.csv", help="Show runs made elsewhere, too.")
 @click.option("--out", metavar="DIR", help="Write a figure, CSV and JSON there.")
 def bench(
-    output: Output,
+    output: OutputOptions,
     peers: bool,
     only: tuple[str, ...],
     error: Any,
@@ -103,18 +108,18 @@ def bench(
     answers: tuple[str, ...],
     out: str | None,
 ) -> int:
-    from tippedisk_verify.bench.methods import METHODS
-    from tippedisk_verify.bench.own_race import race
+    from tippedisk_verify.bench.measurement import machine, ratios
+    from tippedisk_verify.bench.methods import BENCH_METHODS
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS
-    from tippedisk_verify.bench.race import machine, ratios
+    from tippedisk_verify.bench.race import race
     from tippedisk_verify.bench.truth import has_error
 
     folder = alone_in(out)
     found = race(
         {} if program is None else {program: program},
         problems=tuple(dict.fromkeys(only)) or [one for one in PROBLEMS if has_error(one, error)],
-        against=(*METHODS, *(peer_methods() if peers else ())),
+        against=(*BENCH_METHODS, *(peer_methods() if peers else ())),
         answers=answers,
         error=error,
         progress=not output.quiet,
@@ -148,7 +153,7 @@ def bench(
 @click.option("--list", "list_", is_flag=True, help="List the cases and their required outcomes.")
 @jobs_option
 def stress(
-    output: Output, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None
+    output: OutputOptions, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None
 ) -> int:
     from tippedisk_verify.stress.battery import cases_named, outcome_of
 

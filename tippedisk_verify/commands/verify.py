@@ -11,7 +11,7 @@ import click
 
 from tippedisk_verify.cache import Cache, default_folder
 from tippedisk_verify.commands.common import (
-    Common,
+    DiskOptions,
     alone_in,
     checked,
     decimal,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tippedisk_verify.audit.claims import Claim, Finding
-    from tippedisk_verify.motion.scenes import Panel
+    from tippedisk_verify.motion.scenes import ComputedScene
     from tippedisk_verify.report.work import AuditJob
 
 __all__ = ["COMMANDS"]
@@ -59,7 +59,7 @@ _MAX_PROCESSES = 8  # the main job has not enough tasks for more
     help="Number of processes; the number of cores, at most 8, if not given.",
 )
 def verify(
-    common: Common,
+    common: DiskOptions,
     more: Sequence[str],
     out: str | None,
     only: tuple[str, ...],
@@ -136,7 +136,7 @@ def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
     return processes(workers) if workers > 1 else nullcontext(None)
 
 
-def _listed(common: Common) -> int:
+def _listed(common: DiskOptions) -> int:
     from tippedisk_verify.audit.catalogue import CLAIMS
 
     width = max(len(claim.name) for claim in CLAIMS)
@@ -222,7 +222,7 @@ def _computed(entry: dict[str, Any]) -> str:
     metavar="X",
     help="Use this Omega_h [rad/s] instead of finding it.",
 )
-def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
+def scene(common: DiskOptions, names: Sequence[str], out: str | None, omega_h: str | None) -> int:
     if common.digits > 12:
         raise InputError(
             f"scenes have at most 12 digits, not {common.digits}: their orbits run in "
@@ -253,7 +253,7 @@ def scene(common: Common, names: Sequence[str], out: str | None, omega_h: str | 
     return 0
 
 
-def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
+def _write_scenes(panels: Sequence[ComputedScene], folder: Path) -> None:
     from tippedisk_verify.figures.state_space import draw_scenes_2d, draw_scenes_3d, scene_tables
     from tippedisk_verify.figures.style import save
 
@@ -264,7 +264,7 @@ def _write_scenes(panels: Sequence[Panel], folder: Path) -> None:
             write_csv(folder / name, header, rows)
 
 
-def _endings(panel: Panel) -> list[str]:
+def _endings(panel: ComputedScene) -> list[str]:
     """Return lines of text that tell what each orbit of a scene ends on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):

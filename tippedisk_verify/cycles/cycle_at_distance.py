@@ -21,7 +21,7 @@ from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.progress import subrange
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
-__all__ = ["cycle_above", "rotating_below"]
+__all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -32,7 +32,7 @@ _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance fr
 
 
 @undisturbed()
-def cycle_above(
+def cycle_above_omega_h(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:
     """Return the librating limit cycle at Omega_h + ``above``, to ``digits`` significant digits.
@@ -51,7 +51,7 @@ def cycle_above(
     return _next_to_omega_h(LIBRATING, parameters, above, engine, digits)
 
 
-def rotating_below(
+def rotating_cycle_below_omega_h(
     parameters: Parameters, below: object, engine: Engine, *, digits: int = 12
 ) -> RotatingCycle:
     """Return the stable rotating limit cycle at Omega_h - ``below``, to ``digits`` significant

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.cycles_by_passages import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
@@ -174,7 +174,7 @@ def near_heteroclinic(
 def _row_at(
     parameters: Parameters, distance: object, engine: Engine, law: PeriodLaw
 ) -> DistanceRow:
-    cycle = cycle_above(parameters, distance, engine)
+    cycle = cycle_above_omega_h(parameters, distance, engine)
     exact = fraction(distance)
     return DistanceRow(
         distance=Measured(exact, Fraction(0)),

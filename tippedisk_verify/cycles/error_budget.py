@@ -47,12 +47,12 @@ from tippedisk_verify.progress import report_share, subrange
 __all__ = [
     "MORE_DIGITS",
     "cycle_in_precision",
-    "cycle_numbers",
     "cycle_of",
     "cycle_to_digits",
     "iterate_until_rounding",
     "logarithms_bounded",
     "numbers_at",
+    "numbers_in_precision",
     "wider_cycle",
 ]
 
@@ -110,7 +110,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         precision = (
             DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
         )
-        numbers = cycle_numbers(fixed_point, precision)
+        numbers = numbers_in_precision(fixed_point, precision)
         unmeasured = {
             name: Measured.without_half_width(number, digits) for name, number in numbers.items()
         }
@@ -264,7 +264,7 @@ def cycle_of(
 
 
 # -------------------------------------------------------------------------------------- the numbers
-def cycle_numbers(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
+def numbers_in_precision(fixed_point: FixedPoint[C], precision: Precision) -> dict[str, Any]:
     """Return all numbers of a limit cycle by name, solved again in one arithmetic.
 
     Args:

@@ -53,10 +53,10 @@ class Solved(NamedTuple):
     """
 
     second: Array  #: the section's other coordinate [rad/s]
-    flight: Array  #: flight time of the section's map [s]
+    flight_time: Array  #: flight time of the section's map [s]
     omega: Array  #: [rad/s]
     second_slope: Array
-    flight_slope: Array
+    flight_time_slope: Array
     omega_slope: Array
 
 
@@ -76,7 +76,7 @@ class Place:
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
     omega_falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
-    flight: float = math.nan  #: flight time of the section's map [s]
+    flight_time: float = math.nan  #: flight time of the section's map [s]
     #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
     zeros: int = 0
 
@@ -225,10 +225,10 @@ class Family:
         x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):
             solved = Solved(*self._solve(x, guess[0] * x, guess[1], guess[2]))
-            values = numpy.stack((solved.second / x, solved.flight, solved.omega))
+            values = numpy.stack((solved.second / x, solved.flight_time, solved.omega))
             jumped = (numpy.abs(values - guess) > _MAX_JUMP * numpy.abs(guess)).any(axis=0)
             ratio_slope = (solved.second_slope - values[0]) / x
-        slopes = numpy.stack((ratio_slope, solved.flight_slope, solved.omega_slope)) * rate
+        slopes = numpy.stack((ratio_slope, solved.flight_time_slope, solved.omega_slope)) * rate
         new = numpy.concatenate((s[None], values, slopes)).T
         good = numpy.isfinite(new[:, 3]) & ~jumped & ~_discontinuous_rows(new, rows)
         return new[: int(numpy.argmin(numpy.append(good, False)))]
@@ -430,10 +430,10 @@ def _in_batches(
     slope, flights = 1 / cycles[f"d{first}_domega"], section.per_period
     return Solved(
         second=cycles[second],
-        flight=cycles["period"] / flights,
+        flight_time=cycles["period"] / flights,
         omega=cycles["omega"],
         second_slope=cycles[f"d{second}_domega"] * slope,
-        flight_slope=cycles["dperiod_domega"] / flights * slope,
+        flight_time_slope=cycles["dperiod_domega"] / flights * slope,
         omega_slope=slope,
     )
 

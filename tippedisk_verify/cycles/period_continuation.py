@@ -269,7 +269,7 @@ class PeriodContinuation:
             equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re
         )
         points = [
-            cycle_at_half_period(parameters, place.flight, (*place.start, place.omega), engine)
+            cycle_at_half_period(parameters, place.flight_time, (*place.start, place.omega), engine)
         ]
         for point in cycles_of_rising_period(parameters, points[0], engine, longest=_MAX_PERIOD):
             points.append(point)

@@ -32,8 +32,8 @@ __all__ = [
     "NEWBORN",
     "LimitCycle",
     "amplitude_law_guess",
-    "limit_cycle",
     "shoot",
+    "shoot_limit_cycle",
 ]
 
 C = TypeVar("C", bound=Cycle)
@@ -86,7 +86,7 @@ def shoot(
 
 
 @undisturbed()
-def limit_cycle(
+def shoot_limit_cycle(
     parameters: Parameters,
     omega: object,
     engine: Engine,

@@ -11,15 +11,15 @@ from itertools import cycle
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.bench.methods import METHODS, Method
+from tippedisk_verify.bench.measurement import Score, machine, raced, ratios
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method
 from tippedisk_verify.bench.peers import peer_methods
 from tippedisk_verify.bench.problems import ErrorKind, problem_named
-from tippedisk_verify.bench.race import Score, machine, raced, ratios
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, grid
 
-__all__ = ["draw_bench", "race", "race_csv"]
+__all__ = ["draw_race", "race", "race_csv"]
 
 #: Colour, mark and line by method. Variants of a method share its colour and have hollow marks.
 _LOOKS = {
@@ -77,7 +77,7 @@ _METHODS: dict[str, tuple[Any, ...]] = {
 }
 
 
-def draw_bench(scores: Sequence[Score], columns: int = 2) -> Any:
+def draw_race(scores: Sequence[Score], columns: int = 2) -> Any:
     """Draw the work-precision diagram of a comparison of integrators, with a panel for each
     problem.
 
@@ -163,7 +163,7 @@ def _brief_methods() -> list[Method]:
     """Return the integrators that the report compares: ours, SciPy's strongest and compiled peers,
     at fast settings.
     """
-    chosen = [method for method in METHODS if method.name in _METHODS]
+    chosen = [method for method in BENCH_METHODS if method.name in _METHODS]
     with suppress(InputError):
         chosen += [method for method in peer_methods() if method.family == "numbalsoda"]
     return [
@@ -185,7 +185,7 @@ def race(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Run the report's comparison of integrators and draw it."""
     scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
     return Drawing(
-        figure=lambda columns: draw_bench(scores, columns),
+        figure=lambda columns: draw_race(scores, columns),
         columns=2,
         reading=_compared(scores),
         data={"race.csv": race_csv(scores)},

@@ -12,7 +12,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.motion.scenes import SCENES, Panel
+from tippedisk_verify.motion.scenes import SCENES, ComputedScene
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
@@ -38,7 +38,7 @@ _CSV_DECIMALS = 10  # the error of the double-precision orbit after a minute is 
 _CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
-def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
+def orbits_within(panel: ComputedScene, seconds: float = _DRAWN_SECONDS) -> list[Any]:
     """Return the states of each orbit of a panel up to a time, cut where the orbit leaves the
     nearest well on either side.
 
@@ -54,7 +54,7 @@ def orbits_within(panel: Panel, seconds: float = _DRAWN_SECONDS) -> list[Any]:
     return orbits
 
 
-def last_turn(panel: Panel) -> Any:
+def last_turn(panel: ComputedScene) -> Any:
     """Return one period of the limit cycle that orbits of a panel approach, from the end of the
     orbit that has settled best.
 
@@ -85,7 +85,7 @@ def last_turn(panel: Panel) -> Any:
 
 
 def _draw_panel(
-    axis: Any, panel: Panel, orbits: Sequence[Any], dimensions: int
+    axis: Any, panel: ComputedScene, orbits: Sequence[Any], dimensions: int
 ) -> tuple[float, float]:
     """Draw orbits, limit cycle and equilibria in two or three dimensions.
 
@@ -132,7 +132,7 @@ def _angle_axis(axis: Any, low: float, high: float) -> None:
     axis.set_ticks([half * math.pi / 2 for half in halves], labels)
 
 
-def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
+def draw_plane(axis: Any, panel: ComputedScene, orbits: Sequence[Any]) -> None:
     """Draw orbits, the limit cycle and equilibria in the plane of beta and gamma.
 
     Args:
@@ -145,7 +145,7 @@ def draw_plane(axis: Any, panel: Panel, orbits: Sequence[Any]) -> None:
     _angle_axis(axis.xaxis, 0, math.pi)
 
 
-def draw_scenes_2d(panels: Sequence[Panel], columns: int = 2) -> Any:
+def draw_scenes_2d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     """Draw the orbits of the paper's scenes, projected onto the (beta, gamma) plane, a panel for
     each (the paper's Figure proj_3D).
 
@@ -183,7 +183,7 @@ def _legend(figure: Any, columns: int, surface: bool = False) -> None:
     figure.legend(handles=handles, loc="outside lower center", ncols=3 if columns > 1 else 1)
 
 
-def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
+def draw_scenes_3d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     """Draw the orbits of the paper's scenes in space, with the slow manifold of orders 0 and 1, a
     panel for each (the paper's Figure 3D).
 
@@ -229,7 +229,7 @@ def draw_scenes_3d(panels: Sequence[Panel], columns: int = 2) -> Any:
     return figure
 
 
-def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any, ...]:
+def _surfaces(panel: ComputedScene, reach: float, low: float, high: float) -> tuple[Any, ...]:
     """Return beta, gamma, and v on the slow manifold of orders 0 and 1, as arrays over a grid.
 
     The grid reaches ``reach`` [rad] from beta = pi/2.
@@ -247,7 +247,7 @@ def _surfaces(panel: Panel, reach: float, low: float, high: float) -> tuple[Any,
     )
 
 
-def scene_tables(panel: Panel) -> dict[str, CSV]:
+def scene_tables(panel: ComputedScene) -> dict[str, CSV]:
     """Return the tables of a scene's orbits and of its slow manifold as headers and rows, by file
     name.
 
@@ -277,7 +277,7 @@ def scene_tables(panel: Panel) -> dict[str, CSV]:
     return tables
 
 
-def _panels(audit: Audit, examined: Sequence[str]) -> list[Panel]:
+def _panels(audit: Audit, examined: Sequence[str]) -> list[ComputedScene]:
     """Return the panels of the scenes among the examined claims, for the audited parameter set.
 
     Panels that could not be computed are left out.

@@ -34,10 +34,10 @@ from tippedisk_verify.model.exact import shown
 from tippedisk_verify.model.numpy_errors import undisturbed_methods
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["METHODS", "Baseline", "ScipyMethod"]
+__all__ = ["SCIPY_METHODS", "Baseline", "ScipyMethod"]
 
 ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
-METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
+SCIPY_METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
 TIGHTEST = 100 * 2.0**-52
@@ -76,15 +76,17 @@ class Baseline:
     """An engine that integrates with one of SciPy's methods.
 
     Args:
-        method: One of `METHODS`.
+        method: One of `SCIPY_METHODS`.
 
     Raises:
         InputError: If SciPy has no such method, or it is not offered.
     """
 
     def __init__(self, method: str = "DOP853") -> None:
-        if method not in METHODS:
-            raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
+        if method not in SCIPY_METHODS:
+            raise InputError(
+                f"method '{shown(method)}' is not known: use {', '.join(SCIPY_METHODS)}"
+            )
         self.method = method
 
     @property

@@ -158,7 +158,7 @@ class CompiledStepper:
         self._records: list[EventRecord] = []
         self._terminal = [event for event in built if event.terminal]
         if two_sided:
-            self._branch = FrictionSign(precision, watched, self._records)
+            self._friction_sign = FrictionSign(precision, watched, self._records)
         options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
         if precision.kind == "real":
             options["prec"] = precision.bits
@@ -180,7 +180,7 @@ class CompiledStepper:
         )
         if two_sided:
             # heyoka holds its callbacks where the garbage collector does not see them.
-            self._branch.stepper = proxy(self._stepper)
+            self._friction_sign.stepper = proxy(self._stepper)
         # After the state, the integral of the divergence and the guard start at 0 and the
         # derivatives at the identity.
         extended = request.variations or self._size > 3
@@ -206,7 +206,7 @@ class CompiledStepper:
     def _ending_events(self) -> list[Any]:
         """Return the events at which heyoka stops, as its terminal events.
 
-        Those of the request come first, then those that change the friction law's branch.
+        Those of the request come first, then those that change the friction law's side.
         """
         hy, fp_type = heyoka_module(), self.precision.type
         # An event that has fired is not seen again for as long as a start on its surface lasts.
@@ -222,15 +222,18 @@ class CompiledStepper:
         if (
             self._two_sided
         ):  # last, to keep heyoka's numbers of the others; their callbacks continue
-            branch = self._branch  # in bare functions: heyoka copies all other callables
+            friction_sign = (
+                self._friction_sign
+            )  # in bare functions: heyoka copies all other callables
             events.append(
                 ending(
-                    SWITCH.name, callback=lambda stepper, sign: branch.switched(sign, stepper.time)
+                    SWITCH.name,
+                    callback=lambda stepper, sign: friction_sign.switched(sign, stepper.time),
                 )
             )
             if FLAT not in self._terminal:
                 events.append(
-                    ending(TURN_OVER.name, callback=lambda stepper, sign: branch.turned())
+                    ending(TURN_OVER.name, callback=lambda stepper, sign: friction_sign.turned())
                 )
         return events
 
@@ -373,11 +376,11 @@ class CompiledStepper:
         """
         ended = self._set_off(start, on, duration)
         ran = ended or self._until(duration, max_steps=max_steps)
-        if self._two_sided and not ended and self._branch.lost:
+        if self._two_sided and not ended and self._friction_sign.lost:
             # Two switches came closer together than events can resolve.
-            self._branch.looks_ahead = True
+            self._friction_sign.looks_ahead = True
             ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
-            self._branch.looks_ahead = False
+            self._friction_sign.looks_ahead = False
         return ran
 
     def _set_off(
@@ -395,7 +398,7 @@ class CompiledStepper:
         """
         self._rewind(start.state)
         if self._two_sided:
-            self._branch.begin(start)
+            self._friction_sign.begin(start)
         if not on.names:
             return None
         # Use at most half of the run, so that the rest can be recorded.
@@ -410,7 +413,9 @@ class CompiledStepper:
             if not self._passable(outcome, on):
                 break
         ended = self._index(outcome) is not None and not self._passable(outcome, on)
-        return (outcome, low, 1) if ended or (self._two_sided and self._branch.ended) else None
+        return (
+            (outcome, low, 1) if ended or (self._two_sided and self._friction_sign.ended) else None
+        )
 
     def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
         """Move from the start to a ``target`` time close to it by the first step's series. Return
@@ -432,7 +437,7 @@ class CompiledStepper:
         watched = [event for event in self._events if event.name not in on.names]
         # The branch, too, must be the same all the way, and not in doubt at the start
         if self._two_sided:
-            self._branch.begin(start)
+            self._friction_sign.begin(start)
             watched += SLIDING_REVERSAL, FLAT
         if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
             return False
@@ -460,7 +465,7 @@ class CompiledStepper:
         """Return the status of a run that did not reach its end, and record the terminal event if
         there was one.
         """
-        if self._two_sided and self._branch.ended:
+        if self._two_sided and self._friction_sign.ended:
             return Status.EVENT
         index = self._index(outcome)
         if index is None:

@@ -27,9 +27,9 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = [
     "INITIAL_STATES",
     "SCENES",
+    "ComputedScene",
     "Ending",
     "Orbit",
-    "Panel",
     "Scene",
     "from_inverted",
     "scene_named",
@@ -158,7 +158,7 @@ class Orbit:
 
 
 @dataclass(frozen=True, repr=False)
-class Panel(Printable):
+class ComputedScene(Printable):
     """A computed scene of the paper's figures: its speed and its orbits."""
 
     scene: Scene
@@ -182,9 +182,9 @@ class Panel(Printable):
         }
 
 
-def panel_of(
+def computed_scene(
     scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
-) -> Panel:
+) -> ComputedScene:
     """Integrate the orbits of a scene of the paper and determine their attractors.
 
     Args:
@@ -235,7 +235,7 @@ def panel_of(
             ending = classified(result, times, float(omega), stable)
         count = len(result.samples)
         orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
-    return Panel(
+    return ComputedScene(
         scene=scene,
         parameters=parameters,
         omega=omega,

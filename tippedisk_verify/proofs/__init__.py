@@ -2,6 +2,8 @@
 
 The package imports `model`, numpy and python-flint only. Importing it raises InputError if
 python-flint is not installed.
+
+A *claim* of a certificate is the statement that it proves. The paper's claims are in `audit`.
 """
 
 import sys

@@ -24,7 +24,7 @@ Cubic terms come from Taylor series of the same equations. About an equilibrium 
 (the point symmetry). So Kuznetsov's l_1 is Re <p, C(q, q, qbar)> / (2 omega) (Elements of Applied
 Bifurcation Theory, Eq. 5.39).
 
-No ball becomes a point here; `measured` returns midpoints with their radii.
+No ball becomes a point here; `ball_to_measured` returns midpoints with their radii.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
     working_precision,
 )
-from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.numbers import ball_to_measured
 
 __all__ = [
     "Criticality",
@@ -210,7 +210,10 @@ def proved_equilibrium(
                 f"{name} spinning has an eigenvalue on the imaginary axis, or a double one, here"
             )
         enclosed = list(to_digits(roots, wanted).values())
-        eigenvalues = [Eigenvalue(measured(root.real), measured(root.imag)) for root in enclosed]
+        eigenvalues = [
+            Eigenvalue(ball_to_measured(root.real), ball_to_measured(root.imag))
+            for root in enclosed
+        ]
         unstable = sum(positive(root.real) for root in enclosed)
         wanted *= 4
     stable = a2 > 0 and a0 > 0 and a2 * a1 > a0
@@ -278,7 +281,7 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
             "the sign of the first Lyapunov coefficient could not be decided: ask for more digits"
         )
     kind: Criticality = "supercritical" if negative(sign) else "subcritical"
-    numbers = {name: measured(value) for name, value in with_balls.items()}
+    numbers = {name: ball_to_measured(value) for name, value in with_balls.items()}
     return ProvedHopf(
         **numbers, criticality=kind, statement=_hopf_statement(parameters, kind, numbers)
     )
@@ -409,7 +412,7 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
         values = hopf_balls(ball_constants(parameters))
         return {name: values[name] for name in names}
 
-    values = {name: measured(value) for name, value in to_digits(numbers, digits).items()}
+    values = {name: ball_to_measured(value) for name, value in to_digits(numbers, digits).items()}
     statement = (
         f"for the tippedisk with {parameters.definition()}, under the linear as under the smooth "
         f"Coulomb friction law, "

@@ -9,13 +9,13 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
-__all__ = ["WIDER", "measured", "widened"]
+__all__ = ["WIDENING_FACTOR", "ball_to_measured", "widened"]
 
 #: The factor on half-widths: a margin for other versions of Arb and other processors
-WIDER = 1 + Fraction(1, 2**20)
+WIDENING_FACTOR = 1 + Fraction(1, 2**20)
 
 
-def measured(x: Any) -> Measured:
+def ball_to_measured(x: Any) -> Measured:
     """Convert a ball to a `Measured` number: its exact midpoint and radius.
 
     Raises InputError if the ball is not finite.
@@ -30,4 +30,4 @@ def widened(number: Measured) -> Measured:
 
     Other versions of Arb and other processors then confirm it too.
     """
-    return Measured(number.value, number.uncertainty * WIDER)
+    return Measured(number.value, number.uncertainty * WIDENING_FACTOR)

@@ -2,9 +2,13 @@
 
 - `manifest` finds the data files and compares each with its hash. `store` reads the values.
 - `lookup` finds a value by its id. `export` writes values in other formats.
-- `entries` defines questions. `truths` computes their answers.
+- `items` defines questions. `truths` computes their answers.
 - `draws` and `fresh` make new questions from a seed. `checking` computes published values again.
 - `table_rows` has everything that grading needs to know about a question.
+
+An *item* is a question, such as a state or a cycle. A *case* is an item whose numbers are read in one
+way, as decimals or as doubles. A *reference value* is one number that an item asks for, and a *row*
+is its line in values.csv.
 
 `reference_data/make` in a source checkout makes the published values.
 """

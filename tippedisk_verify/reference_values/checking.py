@@ -13,13 +13,13 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
-from tippedisk_verify.reference_values.entries import Item, Reading, Values, case_of, disagreements
+from tippedisk_verify.reference_values.items import Item, Reading, Values, case_of, disagreements
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
 from tippedisk_verify.reference_values.table_rows import table_row
 from tippedisk_verify.reference_values.truths import compute_again
 
-__all__ = ["CheckReport", "StoredItem", "check", "entries_of", "recomputed"]
+__all__ = ["CheckReport", "StoredItem", "check", "recomputed", "stored_questions"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
@@ -50,7 +50,7 @@ class StoredItem:
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
-def entries_of(store: Store, prefix: str = "") -> list[StoredItem]:
+def stored_questions(store: Store, prefix: str = "") -> list[StoredItem]:
     """Group the reference values of a store by question.
 
     Args:
@@ -112,7 +112,7 @@ def check(
         )
     redone = 0
     for entry, (count, wrong) in as_done(
-        recomputed, _chosen(entries_of(store), sample, seed), executor
+        recomputed, _chosen(stored_questions(store), sample, seed), executor
     ):
         redone += count
         faults += wrong

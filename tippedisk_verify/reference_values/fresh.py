@@ -16,7 +16,7 @@ from functools import lru_cache
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
-from tippedisk_verify.reference_values.entries import (
+from tippedisk_verify.reference_values.items import (
     READINGS,
     STORED_DIGITS,
     Item,
@@ -25,10 +25,10 @@ from tippedisk_verify.reference_values.entries import (
     rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
-from tippedisk_verify.reference_values.truths import as_quantity, compute, condition
+from tippedisk_verify.reference_values.truths import as_reference_value, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "entries_of", "with_fresh"]
+__all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "fresh_question_ids", "with_fresh"]
 
 STATES_PER_DISK = 10
 MAX_STATES = 1000  #: the maximum on one sheet
@@ -144,14 +144,14 @@ def blank_questions(states: int, seed: int) -> Store:
     ]
     nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
     blank = (
-        as_quantity(item, name, nothing, {})
+        as_reference_value(item, name, nothing, {})
         for item in items
         for name in _names(item.kind, item.friction)
     )
     return Store.of(sorted(blank, key=lambda quantity: quantity.level))
 
 
-def entries_of(prefix: str) -> str:
+def fresh_question_ids(prefix: str) -> str:
     """Return the ids of the fresh questions that start with a prefix, as text with one id per line.
 
     The disk of a fresh question is drawn from a seed. For the id of a quantity, return the id of
@@ -211,7 +211,7 @@ def _truths(item_id: str) -> tuple[ReferenceValue, ...]:
         }
 
     names = _names(item.kind, item.friction)
-    return tuple(as_quantity(item, name, rounded(name), slopes[name]) for name in names)
+    return tuple(as_reference_value(item, name, rounded(name), slopes[name]) for name in names)
 
 
 @lru_cache(maxsize=32)

@@ -89,6 +89,9 @@ def _with_drawn(prefix: str) -> Store:
     """
     if not prefix.startswith("fresh-"):
         return stored()
-    from tippedisk_verify.reference_values.fresh import entries_of, with_fresh  # slow to import
+    from tippedisk_verify.reference_values.fresh import (  # slow to import
+        fresh_question_ids,
+        with_fresh,
+    )
 
-    return with_fresh(stored(), entries_of(prefix))
+    return with_fresh(stored(), fresh_question_ids(prefix))

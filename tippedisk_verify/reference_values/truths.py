@@ -15,11 +15,11 @@ from typing import Any
 
 from mpmath import fp
 
-from tippedisk_verify.cycles.error_budget import cycle_numbers
+from tippedisk_verify.cycles.error_budget import numbers_in_precision
 from tippedisk_verify.cycles.newton import FixedPoint
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import limit_cycle, shoot
+from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
@@ -29,10 +29,10 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.entries import (
+from tippedisk_verify.reference_values.items import (
     READINGS,
     STORED_DIGITS,
-    ExactItem,
+    Case,
     Item,
     Reading,
     Values,
@@ -51,26 +51,26 @@ __all__ = [
     "BITS",
     "DIGITS",
     "ORDERS",
-    "WIDER",
+    "WIDER_BITS",
     "PlainEngine",
     "Slopes",
-    "as_quantity",
+    "as_reference_value",
     "by_differences",
     "compute",
     "compute_again",
     "condition",
-    "connection",
     "in_two",
-    "motion",
+    "omega_h_values",
     "optional_quantities",
-    "orbit",
     "shoot_known_cycle",
+    "trajectory_numbers",
+    "trajectory_values",
 ]
 
 DIGITS = 56  #: of closed forms, so that 50 can be stored
 #: Bits of the working precision, and of the wider one that shows its error. 240 bits are 72 digits;
 #: some cancel near beta = pi/2.
-BITS, WIDER = 240, 304
+BITS, WIDER_BITS = 240, 304
 ORDERS = 5  #: of the slow manifold
 _RELATIVE_STEP = Fraction(1, 10**12)  # relative step of the differences that give condition numbers
 # Relative step of differences in doubles: rounding costs ten digits, and the step twelve.
@@ -82,7 +82,7 @@ _HALF_PI = PI * Fraction(1, 2)
 Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
-def compute(case: ExactItem, digits: int) -> Values:
+def compute(case: Case, digits: int) -> Values:
     """Compute the true numbers that answer a question of the reference data.
 
     Args:
@@ -93,7 +93,7 @@ def compute(case: ExactItem, digits: int) -> Values:
     return _COMPUTE[case.item.kind](case, digits)
 
 
-def compute_again(case: ExactItem, digits: int) -> Values:
+def compute_again(case: Case, digits: int) -> Values:
     """Compute the true numbers that answer a question in a second formulation, if there is one, as
     a check.
 
@@ -104,7 +104,7 @@ def compute_again(case: ExactItem, digits: int) -> Values:
     return {**_COMPUTE, **_COMPUTE_AGAIN}[case.item.kind](case, digits)
 
 
-def condition(case: ExactItem, values: Values) -> Slopes:
+def condition(case: Case, values: Values) -> Slopes:
     """Return how sensitive the answers to a question are: the change of each number per relative
     change of each parameter and input.
 
@@ -117,8 +117,8 @@ def condition(case: ExactItem, values: Values) -> Slopes:
 
 
 def by_differences(
-    case: ExactItem,
-    plain: Callable[[ExactItem], Mapping[str, Any]],
+    case: Case,
+    plain: Callable[[Case], Mapping[str, Any]],
     step: Fraction = _RELATIVE_STEP,
 ) -> Slopes:
     """Return the change of each quantity per relative change of each parameter and input, by
@@ -141,7 +141,7 @@ def by_differences(
     return slopes
 
 
-def _moved(case: ExactItem, name: str, factor: Fraction) -> ExactItem:
+def _moved(case: Case, name: str, factor: Fraction) -> Case:
     if name in case.inputs:
         return replace(case, inputs={**case.inputs, name: case.inputs[name] * factor})
     value: Any = getattr(case.disk, name) * factor
@@ -158,21 +158,23 @@ def in_two(
         narrow: Bits of the lower precision; the higher one has 64 more.
         kept: Bits of the values that may be taken as correct.
     """
-    rough, sharp = (evaluate(bits(working).context) for working in (narrow, narrow + WIDER - BITS))
+    rough, sharp = (
+        evaluate(bits(working).context) for working in (narrow, narrow + WIDER_BITS - BITS)
+    )
     return {
         name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept))
         for name, value in rough.items()
     }
 
 
-def _in(ctx: Any, case: ExactItem, *names: str) -> tuple[Any, ...]:
+def _in(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
     """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
     context.
     """
     return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
 
 
-def as_quantity(
+def as_reference_value(
     item: Item,
     name: str,
     values: Mapping[Reading, tuple[str, str]],
@@ -209,7 +211,7 @@ def as_quantity(
 
 
 # ------------------------------------------------------------------------------------ closed forms
-def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str, Any]:
+def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any]:
     """Compute the terms of the paper's equations as printed, and the Jacobian, at the state of a
     question.
 
@@ -237,7 +239,7 @@ def _right_hand_side(case: ExactItem, ctx: Any, shift: bool = False) -> dict[str
     }
 
 
-def _optional(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _optional(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the optional quantities at the state of a question, Bbar and the terms of
     h, by name.
     """
@@ -257,7 +259,7 @@ def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
     values = {reading: in_two(partial(_optional, case)) for reading, case in cases.items()}
     slopes = by_differences(cases["decimals"], lambda moved: _optional(moved, fp), _STEP_IN_DOUBLE)
     return [
-        as_quantity(
+        as_reference_value(
             item,
             name,
             {
@@ -270,12 +272,12 @@ def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
     ]
 
 
-def _equilibrium(case: ExactItem, digits: int) -> Values:
+def _equilibrium(case: Case, digits: int) -> Values:
     state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
     return _of_places((value.re, value.im) for value in state.eigenvalues)
 
 
-def _eigenvalues(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the eigenvalues of an equilibrium's full Jacobian by the QR algorithm, by name."""
     c, omega = _in(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
@@ -298,7 +300,7 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     }
 
 
-def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _law(case: Case, ctx: Any) -> dict[str, Any]:
     """Return amplitude, frequency and period of the one-harmonic law by name, as numbers of the
     mpmath context ``ctx``.
     """
@@ -308,7 +310,7 @@ def _law(case: ExactItem, ctx: Any) -> dict[str, Any]:
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
 
-def _manifold(case: ExactItem, ctx: Any) -> dict[str, Any]:
+def _manifold(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the slow manifold's orders and residuals at a point by recursion on truncated power
     series, by name.
     """
@@ -343,8 +345,8 @@ class PlainEngine:
         return self.engine(replace(request, tolerance=self.tolerance))
 
 
-def orbit(
-    case: ExactItem, digits: int, *, shift: bool = False, engine: Engine | None = None
+def trajectory_numbers(
+    case: Case, digits: int, *, shift: bool = False, engine: Engine | None = None
 ) -> Mapping[str, tuple[Any, Any]]:
     """Integrate the orbit of a question, and return its numbers with half-widths, by name.
 
@@ -396,7 +398,7 @@ def orbit(
     )
 
 
-def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
+def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values:
     """Return the numbers of an orbit in the paper's angles, with half-widths, by name.
 
     Args:
@@ -404,34 +406,34 @@ def motion(case: ExactItem, digits: int, *, shift: bool = False) -> Values:
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
     """
-    quarter = sum(_HALF_PI.enclosed(WIDER)) / 2 if shift else Fraction(0)
+    quarter = sum(_HALF_PI.enclosed(WIDER_BITS)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
             fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),
             float(width),
         )
-        for name, (value, width) in orbit(case, digits, shift=shift).items()
+        for name, (value, width) in trajectory_numbers(case, digits, shift=shift).items()
     }
 
 
-def _moved_orbit(case: ExactItem, values: Values) -> dict[str, Any]:
+def _moved_orbit(case: Case, values: Values) -> dict[str, Any]:
     return {
         name: value
-        for name, (value, _) in orbit(case, 12, engine=PlainEngine(default_engine())).items()
+        for name, (value, _) in trajectory_numbers(
+            case, 12, engine=PlainEngine(default_engine())
+        ).items()
     }
 
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
-def _named(case: ExactItem, result: Any) -> Values:
+def _named(case: Case, result: Any) -> Values:
     """Return those numbers of a result that the reference data contain for this kind of question,
     by name.
     """
     return {name: getattr(result, name) for name in quantity_definitions()[case.item.kind]}
 
 
-def shoot_known_cycle(
-    case: ExactItem, values: Mapping[str, Any], engine: Engine
-) -> FixedPoint[Any]:
+def shoot_known_cycle(case: Case, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
     """Find the fixed point of a limit cycle on its section by shooting in double precision,
     starting from known numbers.
     """
@@ -443,12 +445,12 @@ def shoot_known_cycle(
     )
 
 
-def _cycle_in_double(case: ExactItem, values: Values) -> dict[str, Any]:
-    numbers = cycle_numbers(shoot_known_cycle(case, values, default_engine()), DOUBLE)
+def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
+    numbers = numbers_in_precision(shoot_known_cycle(case, values, default_engine()), DOUBLE)
     return {name: float(numbers[name]) for name in quantity_definitions()[case.item.kind]}
 
 
-def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Values:
+def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values:
     """Compute Omega_h and the saddle's eigenvalues there, by name, as answers to a question.
 
     Args:
@@ -466,7 +468,7 @@ def connection(case: ExactItem, digits: int, method: str = "manifolds") -> Value
     )
 
 
-_COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
+_COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     "rhs": lambda case, digits: in_two(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
@@ -475,15 +477,15 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
         one_harmonic_law.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
     "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
-    "trajectory": motion,
+    "trajectory": trajectory_values,
     # On drawn disks the one-harmonic law is a good enough guess.
     "limit-cycle": lambda case, digits: _named(
         case,
-        limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
+        shoot_limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
         if DRAWN_SET.fullmatch(case.item.set)
         else case.disk.limit_cycle(case.inputs["Omega"], digits=digits),
     ),
-    "heteroclinic": connection,
+    "heteroclinic": omega_h_values,
     "near-heteroclinic": lambda case, digits: _named(
         case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)
     ),
@@ -495,15 +497,17 @@ _COMPUTE: dict[str, Callable[[ExactItem, int], Values]] = {
     ),
     "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
 }
-_COMPUTE_AGAIN: dict[str, Callable[[ExactItem, int], Values]] = {
-    "rhs": lambda case, digits: in_two(partial(_right_hand_side, case, shift=True), WIDER, WIDER),
+_COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
+    "rhs": lambda case, digits: in_two(
+        partial(_right_hand_side, case, shift=True), WIDER_BITS, WIDER_BITS
+    ),
     # Two nearly equal eigenvalues cost the algorithm half its digits. Just below Omega_crit a
     # numerator cancels.
     "equilibrium": lambda case, digits: in_two(partial(_eigenvalues, case), kept=BITS // 2),
     "harmonic-balance": lambda case, digits: in_two(partial(_law, case), kept=BITS - 40),
-    "trajectory": partial(motion, shift=True),
+    "trajectory": partial(trajectory_values, shift=True),
 }
-Plain = Callable[[ExactItem, Values], Mapping[str, Any]]
+Plain = Callable[[Case, Values], Mapping[str, Any]]
 #: A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
 #: orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 #: 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.

@@ -21,7 +21,7 @@ __all__ = [
     "StressResult",
     "against",
     "cycle_digits",
-    "digits_between",
+    "double_digits_between",
     "flown",
     "refused",
 ]
@@ -106,7 +106,7 @@ class StressResult:
         )
 
 
-def digits_between(value: Any, truth: Any, scale: Any = None) -> float:
+def double_digits_between(value: Any, truth: Any, scale: Any = None) -> float:
     """Return the number of digits in which two values agree, at most 16.
 
     Args:
@@ -173,7 +173,7 @@ def against(mine: Result, sharp: Result) -> CaseOutcome:
         (a.time, b.time, w) for a, b, w in zip(mine.events, sharp.events, error.events, strict=True)
     ]
     honest &= all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in times)
-    digits = min(digits_between(a, b, scale) for a, b, _ in pairs)
+    digits = min(double_digits_between(a, b, scale) for a, b, _ in pairs)
     claimed = max(float(width) for *_, width in pairs) / scale
     if claimed > 0.1:  # not one decimal digit is certain
         return CaseOutcome(
@@ -198,7 +198,7 @@ def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> CaseOutcome:
     for name in names:
         a, b = getattr(mine, name), getattr(sharp, name)
         honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty
-        digits = min(digits, digits_between(a.value, b.value))
+        digits = min(digits, double_digits_between(a.value, b.value))
     return CaseOutcome("digits", digits, honest)
 
 

@@ -8,11 +8,11 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above
+from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
-from tippedisk_verify.cycles.omega_h_methods import heteroclinic
+from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
@@ -35,7 +35,8 @@ def _near_hopf(distance: str) -> Callable[[], CaseOutcome]:
     def run() -> CaseOutcome:
         speed = _below_hopf(distance)
         mine, sharp = (
-            limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
+            shoot_limit_cycle(PRINTED, speed, default_engine(), digits=digits)
+            for digits in (12, 40)
         )
         return cycle_digits(mine, sharp, _MAIN_NUMBERS)
 
@@ -45,7 +46,7 @@ def _near_hopf(distance: str) -> Callable[[], CaseOutcome]:
 def _near_omega_h(distance: str) -> Callable[[], CaseOutcome]:
     def run() -> CaseOutcome:
         mine, sharp = (
-            cycle_above(PRINTED, exact(distance).rational, default_engine(), digits=digits)
+            cycle_above_omega_h(PRINTED, exact(distance).rational, default_engine(), digits=digits)
             for digits in (12, 25)
         )
         return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
@@ -76,7 +77,7 @@ def _one_ulp_above() -> CaseOutcome:
     if speed <= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), math.inf))
     mine = cycle_near(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
-    sharp = cycle_above(PRINTED, speed - omega_h.value, engine, digits=14)
+    sharp = cycle_above_omega_h(PRINTED, speed - omega_h.value, engine, digits=14)
     return cycle_digits(mine, sharp, ("period",))
 
 
@@ -87,7 +88,9 @@ def _one_ulp_below() -> CaseOutcome:
     speed = Fraction(float(omega_h))
     if speed >= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), 0.0))
-    return refused(lambda: limit_cycle(PRINTED, speed, engine), NoSuchCycleError, AccuracyError)
+    return refused(
+        lambda: shoot_limit_cycle(PRINTED, speed, engine), NoSuchCycleError, AccuracyError
+    )
 
 
 def _underflow() -> CaseOutcome:
@@ -97,7 +100,7 @@ def _underflow() -> CaseOutcome:
     """
     parameters = PRINTED.changed(epsilon="1e-3")
     mine, sharp = (
-        limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
+        shoot_limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
         for digits in (12, 30)
     )
     answer = cycle_digits(mine, sharp, (*_MAIN_NUMBERS, *_EXPONENTS))
@@ -122,14 +125,14 @@ def _beyond_the_fold() -> CaseOutcome:
     parameters = _subcritical()
     speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
     mine, sharp = (
-        limit_cycle(parameters, speed, default_engine(), digits=digits) for digits in (12, 30)
+        shoot_limit_cycle(parameters, speed, default_engine(), digits=digits) for digits in (12, 30)
     )
     return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0", "beta_max"))
 
 
 def _no_cycle_above() -> CaseOutcome:
     return refused(
-        lambda: limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError
+        lambda: shoot_limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError
     )
 
 

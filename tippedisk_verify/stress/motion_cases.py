@@ -12,13 +12,13 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.shooting import limit_cycle
+from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.stress.case import CaseOutcome, StressCase, digits_between, flown
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, double_digits_between, flown
 
 __all__ = ["CASES"]
 
@@ -207,7 +207,7 @@ def _backward_cases() -> list[StressCase]:
     """
 
     def back(duration: str) -> CaseOutcome:
-        cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
+        cycle = shoot_limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
         start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
         return flown(
             Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000)
@@ -336,7 +336,7 @@ def _long_run() -> CaseOutcome:
     import numpy
 
     engine = default_engine()
-    cycle = limit_cycle(PRINTED, exact(_OMEGA).rational, engine, digits=30)
+    cycle = shoot_limit_cycle(PRINTED, exact(_OMEGA).rational, engine, digits=30)
     start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
     points = []
     for decade in range(6):
@@ -355,7 +355,7 @@ def _long_run() -> CaseOutcome:
     slope = float(numpy.polyfit(times, errors, 1)[0])
     note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
     # The random errors at short times make the fitted exponent uncertain by about 0.1.
-    return CaseOutcome("digits", digits_between(far + 1.0, 1.0), slope < 1.15, note)
+    return CaseOutcome("digits", double_digits_between(far + 1.0, 1.0), slope < 1.15, note)
 
 
 CASES: tuple[StressCase, ...] = (

@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
-from tippedisk_verify.conformance.diagnosis.entries import LATER, Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.levels import (
     PREDICTED,
     VARIANTS,
@@ -48,6 +47,7 @@ from tippedisk_verify.conformance.diagnosis.regression import (
 )
 from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
 from tippedisk_verify.conformance.diagnosis.step_methods import recognised_method
+from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store, is_optional
@@ -409,7 +409,9 @@ class _LevelwiseDiagnosis:
         """
         law, derivative = table.friction, problem.name.startswith("dv")
         alone = derivative or table.kind == "slow-manifold"  # orders share their definitions
-        posed = [] if alone else [pair for pair in posed if not pair[1].name.startswith(LATER)]
+        posed = (
+            [] if alone else [pair for pair in posed if not pair[1].name.startswith(EXPLAINED_LAST)]
+        )
         own, *others = self.candidates(law)
         readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
         readings += [(some, self.changes) for some in others if some or table.level > 1]

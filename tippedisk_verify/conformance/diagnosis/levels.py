@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Answered, Array, Table
 from tippedisk_verify.conformance.diagnosis.regression import RegressionProblem
+from tippedisk_verify.conformance.diagnosis.tables import Answered, Array, Table
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.model.equations import STATE_NAMES
 

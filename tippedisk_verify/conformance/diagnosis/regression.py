@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
-from tippedisk_verify.conformance.diagnosis.entries import Answered, Array
+from tippedisk_verify.conformance.diagnosis.tables import Answered, Array
 from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed
 from tippedisk_verify.model.parameters import SYMBOLS
 
@@ -39,7 +39,7 @@ _ASSUMED = (2.0, 3.0)
 _MAX_SIMILAR_SETS = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED_DIGITS = 6  # digits of a number that somebody types in
 _SOLVED = 4  # changes for which there must be evidence before such a number is proposed
-Set = tuple[Change, ...]
+ChangeSet = tuple[Change, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +130,7 @@ class Search:
         problem: RegressionProblem,
         programs: Sequence[tuple[Values, frozenset[str]]],
         efforts: int,
-    ) -> list[tuple[int, Set]]:
+    ) -> list[tuple[int, ChangeSet]]:
         """Return the smallest sets of changes that give all answers to a quantity.
 
         Args:
@@ -165,7 +165,7 @@ class Search:
         self.remaining_changes -= len(found.changes)
         return found
 
-    def proposed(self, of: _Effects, effort: int) -> Iterator[Set]:
+    def proposed(self, of: _Effects, effort: int) -> Iterator[ChangeSet]:
         """Yield sets of changes that may give the wrong answers to a quantity: their effects cancel
         the residual.
 
@@ -219,7 +219,7 @@ class _Effects:
         self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
 
-    def fits(self, some: Set) -> bool:
+    def fits(self, some: ChangeSet) -> bool:
         """Return True if a program with a set of changes gives all answers to the quantity, and
         these are enough evidence for so large a set.
         """
@@ -236,7 +236,7 @@ class _Effects:
         """
         return np.real(values.total(self.identity)[0] + 0 * values.given["answer"])
 
-    def sums(self, size: int, highest: int) -> Iterator[Set]:
+    def sums(self, size: int, highest: int) -> Iterator[ChangeSet]:
         """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
         first.
 
@@ -260,7 +260,7 @@ class _Effects:
         high = np.searchsorted(marks[order], missing + room, side="right")
         if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
-        sets: dict[tuple[int, ...], Set] = {}
+        sets: dict[tuple[int, ...], ChangeSet] = {}
         for group in np.flatnonzero(high > low).tolist():
             for last in order[low[group] : high[group]].tolist():
                 members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
@@ -282,7 +282,7 @@ class _Effects:
         left = np.abs(self.residual + chosen.sum(axis=0))
         return len(set(places)) == len(places) and bool((left <= room).all())
 
-    def solved(self) -> Iterator[Set]:
+    def solved(self) -> Iterator[ChangeSet]:
         """Yield possible mistakes in the inputs: for each parameter, a wrong value that cancels the
         largest residual of the answers.
 

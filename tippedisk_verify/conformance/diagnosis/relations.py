@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 

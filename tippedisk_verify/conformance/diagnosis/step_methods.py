@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.entries import Array, Table
+from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES, field
 from tippedisk_verify.model.parameters import Constants
 

@@ -44,8 +44,6 @@ __all__ = [
     "replayed_test",
 ]
 
-Pair = Sequence[Any]
-
 
 @dataclass(frozen=True)
 class Choices:
@@ -55,7 +53,9 @@ class Choices:
 
     centre: StepProposer  #: for the flight from the middle
     box: StepProposer  #: for the flight over the box
-    inverse: Callable[[Sequence[Pair]], Sequence[Pair]]  #: Y, four points, given F_u over the box
+    inverse: Callable[
+        [Sequence[Sequence[Any]]], Sequence[Sequence[Any]]
+    ]  #: Y, four points, given F_u over the box
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ class FixedPoints:
     """
 
     included: bool
-    middle: Pair  #: m, three points
-    shift: Pair  #: from the middle to the fixed points, three balls
-    residual: Pair  #: Y F(m), for choosing the precision
-    slopes: Sequence[Pair]  #: (2, 3): the derivatives of F over the box
+    middle: Sequence[Any]  #: m, three points
+    shift: Sequence[Any]  #: from the middle to the fixed points, three balls
+    residual: Sequence[Any]  #: Y F(m), for choosing the precision
+    slopes: Sequence[Sequence[Any]]  #: (2, 3): the derivatives of F over the box
     centre: Return  #: the map at the middle
     box: Return  #: the map over the box, with derivatives
 
@@ -78,7 +78,7 @@ class FixedPoints:
         """Three balls that hold the fixed points: both coordinates on the section, and Omega."""
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
-    def along(self, value: Any, by: Pair) -> Any:
+    def along(self, value: Any, by: Sequence[Any]) -> Any:
         """Enclose a function at the fixed points by the mean value theorem.
 
         ``value`` is the function at the middle of the box. ``by`` are its derivatives with respect
@@ -90,8 +90,8 @@ class FixedPoints:
 def krawczyk_test(
     claim: Mapping[str, Any],
     section: PoincareSection,
-    middle: Pair,
-    deviations: Pair,
+    middle: Sequence[Any],
+    deviations: Sequence[Any],
     unknown: tuple[int, int],
     choices: Choices,
     centre: Return | None = None,
@@ -136,10 +136,10 @@ def krawczyk_test(
 
 
 def fixed_points(
-    middle: Pair,
-    deviations: Pair,
+    middle: Sequence[Any],
+    deviations: Sequence[Any],
     unknown: tuple[int, int],
-    inverse: Sequence[Pair],
+    inverse: Sequence[Sequence[Any]],
     centre: Return,
     box: Return,
 ) -> FixedPoints:
@@ -176,12 +176,12 @@ def fixed_points(
     return FixedPoints(included, middle, shift, residual, slopes, centre, box)
 
 
-def _slopes(box: Return) -> tuple[Pair, Pair]:
+def _slopes(box: Return) -> tuple[Sequence[Any], Sequence[Any]]:
     (a, b), (c, d) = box.matrix
     return (a - 1, b, box.by_omega[0]), (c, d - 1, box.by_omega[1])
 
 
-def product(matrix: Sequence[Pair], vector: Pair) -> list[Any]:
+def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
     return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
 
 
@@ -254,8 +254,8 @@ class StepReplay:
 def replayed_test(
     claim: Mapping[str, Any],
     section: PoincareSection,
-    middle: Pair,
-    deviations: Pair,
+    middle: Sequence[Any],
+    deviations: Sequence[Any],
     unknown: tuple[int, int],
     log: Sequence[Mapping[str, Any]],
     box: Mapping[str, Any],

@@ -58,15 +58,15 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     off_diagonal_sums,
 )
 from tippedisk_verify.proofs.kernel.flow import Path
-from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import (
+from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.search.proof import (
+    ChoiceSearch,
     Proof,
-    Proposer,
     Stopped,
-    claim_of,
+    certificate_claim,
     parameter_texts,
 )
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 __all__ = [
     "MAX_DIGITS",
@@ -183,7 +183,7 @@ class ProvedConnection(Printable, Proof):
             zip(("omega_h", *EIGENVALUES), (self.omega_h, *self.saddle_eigenvalues), strict=True)
         )
         room = self.room._asdict()
-        return claim_of(
+        return certificate_claim(
             "heteroclinic connection",
             self.parameters,
             numbers,
@@ -356,7 +356,7 @@ def series_of_curve(
     return curve
 
 
-class _ConnectionSearch(Proposer):
+class _ConnectionSearch(ChoiceSearch):
     """The search for the choices with which the kernel proves one interval of Omega_h.
 
     It belongs to one interval of speeds and one working precision.
@@ -407,7 +407,7 @@ class _ConnectionSearch(Proposer):
         polynomial = characteristic_polynomial(
             ball_constants(self.parameters), saddle.omega, NONINVERTED
         )
-        roots = [widened(measured(real_root(polynomial, value))) for value in self.values]
+        roots = [widened(ball_to_measured(real_root(polynomial, value))) for value in self.values]
         printed = (root.decimals() for root in roots)
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
@@ -444,8 +444,8 @@ class _ConnectionSearch(Proposer):
     def drift(self, matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
         return [part.mid() for part in smallest_weights(matrix, by_speed)]
 
-    def flight(self) -> Steps:
-        return Steps()
+    def flight(self) -> FlightStepSearch:
+        return FlightStepSearch()
 
     def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
         beta, gamma, _ = path.box
@@ -505,5 +505,5 @@ def _share_of_reach(curve: ManifoldGraph) -> Any:
 
 def _decimal_above(x: Any) -> Fraction:
     """Return a decimal of two digits above all sizes in the ball."""
-    enclosure = widened(measured(abs(x)))
+    enclosure = widened(ball_to_measured(abs(x)))
     return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))

@@ -37,9 +37,9 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
 from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import Proof, Proposer, Stopped, claim_of
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import ProvedConnection, eigenvectors
+from tippedisk_verify.proofs.search.proof import ChoiceSearch, Proof, Stopped, certificate_claim
 
 __all__ = [
     "ConnectionCyclesProof",
@@ -115,7 +115,7 @@ class ConnectionCyclesProof(Proof):
             {"omega_h": self.connection.omega_h},
             {name: getattr(self, name) for name in CLAIM},
         )
-        return claim_of(
+        return certificate_claim(
             "cycles next to the connection", self.connection.parameters, numbers, **texts
         )
 
@@ -231,7 +231,7 @@ def checked_distance(number: object) -> Fraction:
     return given.rational
 
 
-class _EndSearch(Proposer):
+class _EndSearch(ChoiceSearch):
     def __init__(
         self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
     ) -> None:
@@ -397,5 +397,5 @@ def _points(numbers: Sequence[Fraction]) -> list[Any]:
 
 def _decimal_above(x: Any) -> Fraction:
     """Return a multiple of 1/1000 above all numbers of the ball."""
-    enclosure = measured(x)
+    enclosure = ball_to_measured(x)
     return Fraction(math.floor((enclosure.value + enclosure.uncertainty) * 1000) + 1, 1000)

@@ -37,14 +37,14 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, polynomial
-from tippedisk_verify.proofs.numbers import WIDER, measured
-from tippedisk_verify.proofs.search.certificate import Stopped, parameter_texts
+from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
+from tippedisk_verify.proofs.search.proof import Stopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 __all__ = [
     "BITS",
+    "CurveStepSearch",
     "Guess",
-    "StepSearch",
     "boxed",
     "family_polynomials",
     "family_rows",
@@ -74,7 +74,7 @@ _DIFFERENCE_SHARE = 2.0**-20  # of a number's step, for a derivative of points
 _CHORD_STEPS = 3  # chord steps towards the cycle at s = 0
 
 
-class StepSearch:
+class CurveStepSearch:
     """A proposer that finds the steps of one flight from a curve of starts by trials of their
     length.
 
@@ -238,7 +238,7 @@ def family_polynomials(
     return [Jet(part) for part in polynomials], half
 
 
-class Rows(NamedTuple):
+class RoundedPolynomials(NamedTuple):
     """Rounded polynomials of the two unknown numbers, and their texts with those of half the
     period.
     """
@@ -249,7 +249,7 @@ class Rows(NamedTuple):
 
 def family_rows(
     constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
-) -> Rows:
+) -> RoundedPolynomials:
     """Return the Taylor polynomials along the family (`family_polynomials`), rounded to decimals.
 
     Raises Stopped if they are not finite.
@@ -258,8 +258,11 @@ def family_rows(
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
         raise Stopped(ArcStatus.NOT_FOLLOWED)
-    rows = [tuple(round(measured(part.mid()).value, _DECIMALS) for part in jet.c) for jet in jets]
-    return Rows(rows[:2], [[*map(exact_text, row)] for row in rows])
+    rows = [
+        tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.c)
+        for jet in jets
+    ]
+    return RoundedPolynomials(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
 def _slope(
@@ -309,7 +312,10 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         radii: The radii of the first box.
     """
     for _ in range(_MAX_ATTEMPTS):
-        choices, sizes = StepSearch(), [two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
+        choices, sizes = (
+            CurveStepSearch(),
+            [two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
+        )
         try:
             arc = test(sizes, choices)
         except Unproved:
@@ -317,7 +323,8 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         if not all(off.is_finite() for off in arc.within):
             raise Stopped(ArcStatus.NOT_FOLLOWED)
         within = [
-            two_digits(max(upper_bound(off) * WIDER, Fraction(1, 10**30))) for off in arc.within
+            two_digits(max(upper_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
+            for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return BoxedTest(arc, sizes, within, choices.log)
@@ -370,7 +377,10 @@ def prove_piece(
         room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
         slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in rows.numbers]
         for share in _WIDE_SHARES:
-            wide, choices = [two_digits(slope * room * share) for slope in slopes], StepSearch()
+            wide, choices = (
+                [two_digits(slope * room * share) for slope in slopes],
+                CurveStepSearch(),
+            )
             with suppress(Unproved):
                 if min(map(sub, wide, box.radii)) > 0 and (wider := test(wide, choices)).included:
                     unique = BoxedTest(wider, wide, box.within, choices.log)

@@ -35,9 +35,9 @@ from tippedisk_verify.proofs.kernel.section import (
 )
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
-from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import Proof, Stopped, claim_of
-from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
+from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.search.proof import Proof, Stopped, certificate_claim
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
 
@@ -108,7 +108,7 @@ class CycleProof(Proof):
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
         room = {name: _decimal_below(distance) for name, distance in distances}
         sliding = {"reversals": self.reversals} if self.parameters.law.two_sided else {}
-        return claim_of(
+        return certificate_claim(
             kind,
             self.parameters,
             self.numbers(),
@@ -152,7 +152,8 @@ class CycleProof(Proof):
         if not self.proved:
             raise InputError(self.statement)
         return {
-            name: widened(measured(self.values[name])) for name in cycle.claimed_names(self.section)
+            name: widened(ball_to_measured(self.values[name]))
+            for name in cycle.claimed_names(self.section)
         }
 
 
@@ -162,7 +163,7 @@ def _decimal_below(x: Any) -> str:
 
     Returns "0" if there is no positive one.
     """
-    enclosure = measured(x)
+    enclosure = ball_to_measured(x)
     least = enclosure.value - enclosure.uncertainty
     return rounded_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
 
@@ -218,7 +219,7 @@ class CycleAttempt:
             digits,
             most_bits,
         )
-        self.section, self.setting = section, claim_of("", parameters, {}, omega=omega)
+        self.section, self.setting = section, certificate_claim("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
 
@@ -263,7 +264,7 @@ class CycleAttempt:
         middle: Sequence[Any],
         drift: Any,
         size: int,
-        centre: tuple[Steps, Return] | None = None,
+        centre: tuple[FlightStepSearch, Return] | None = None,
     ) -> tuple[FixedPoints | Return, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
@@ -294,7 +295,11 @@ class CycleAttempt:
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = return_map(
-                    self.model(), self.section, state, Steps(), derivatives=matrix is None
+                    self.model(),
+                    self.section,
+                    state,
+                    FlightStepSearch(),
+                    derivatives=matrix is None,
                 )
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)

@@ -26,11 +26,11 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     last_cycle,
     unique_within,
 )
-from tippedisk_verify.proofs.numbers import measured
-from tippedisk_verify.proofs.search.certificate import Proof, claim_of, parameter_texts
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import ProvedConnection
 from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
+from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 
 __all__ = ["FamilyProof", "omega_crit"]
 
@@ -124,7 +124,7 @@ class FamilyProof(Proof):
         within which its cycles are unique.
         """
         names = ("v_0_per_gamma_bar_0", "v_0", "omega")
-        claim = claim_of(
+        claim = certificate_claim(
             "family of limit cycles",
             self.parameters,
             {"omega_crit": omega_crit(self.parameters)},
@@ -224,7 +224,7 @@ class FamilyProof(Proof):
 def omega_crit(parameters: Parameters) -> Measured:
     """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
     with working_precision(_BITS):
-        return measured(hopf_balls(ball_constants(parameters))["omega_crit"])
+        return ball_to_measured(hopf_balls(ball_constants(parameters))["omega_crit"])
 
 
 def _least(number: Measured) -> Fraction:

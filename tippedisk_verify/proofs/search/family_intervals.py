@@ -23,7 +23,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
-from tippedisk_verify.proofs.numbers import measured
+from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
@@ -243,7 +243,7 @@ def hopf_guess(parameters: Parameters) -> Guess:
         speed, period = numbers["omega_crit"], numbers["period"]
         # gamma_bar is a cosine there, and beta_bar its rate over Omega.
         ratio = -((2 * arb.pi() / period) ** 2) / speed
-        first, second, third = (measured(part).value for part in (ratio, speed, period / 2))
+        first, second, third = (ball_to_measured(part).value for part in (ratio, speed, period / 2))
         return first, second, third
 
 

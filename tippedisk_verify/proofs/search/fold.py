@@ -35,9 +35,9 @@ from tippedisk_verify.proofs.kernel.section import (
     Return,
     return_map,
 )
-from tippedisk_verify.proofs.numbers import measured, widened
-from tippedisk_verify.proofs.search.certificate import Proof, claim_of
-from tippedisk_verify.proofs.search.steps import Steps, midpoint_inverse, searched_test
+from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
 
@@ -88,7 +88,7 @@ class FoldProof(Proof):
     def claim(self) -> dict[str, Any]:
         """The claim of the certificate about this fold, as a dictionary."""
         kind = next(kind for kind, section in fold.KINDS.items() if section == self.section)
-        return claim_of(kind, self.parameters, self.values, extremum=self.extremum)
+        return certificate_claim(kind, self.parameters, self.values, extremum=self.extremum)
 
 
 def prove_fold(
@@ -161,10 +161,12 @@ class _FoldAttempt:
             raise Unproved(
                 "Omega is not proved to rise at one end of the arc and to fall at the other"
             )
-        v, omega, period = map(measured, (*whole.image[1:], self.section.laps * whole.box.time))
+        v, omega, period = map(
+            ball_to_measured, (*whole.image[1:], self.section.laps * whole.box.time)
+        )
         numbers = (widened(omega), self.arc, widened(v), widened(period))
         values = dict(zip(fold.names(self.section), numbers, strict=True))
-        claim = claim_of("", self.parameters, values, extremum=extremum)
+        claim = certificate_claim("", self.parameters, values, extremum=extremum)
         fold.judge(
             claim,
             self.section,
@@ -209,7 +211,7 @@ class _FoldAttempt:
             for part, slope in zip(whole.image[1:], along, strict=True)
         ]
         for _ in range(_CHORDS):
-            search, start = Steps(), (p, m[0])
+            search, start = FlightStepSearch(), (p, m[0])
             flight = return_map(
                 Model(ball_constants(self.parameters), m[1]), self.section, start, search
             )
@@ -235,12 +237,12 @@ class _FoldAttempt:
         p: Any,
         m: Sequence[Any],
         sizes: Sequence[Any],
-        centre: tuple[Steps, Return] | None = None,
+        centre: tuple[FlightStepSearch, Return] | None = None,
     ) -> FixedPoints:
         """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
         evidence.
         """
-        setting, middle = claim_of("", self.parameters, {}), [p.mid(), *m]
+        setting, middle = certificate_claim("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
         )

@@ -1,7 +1,7 @@
 """The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with
 a log.
 
-A `Steps` object proposes the steps of one flight. Its ``log`` lists the steps taken, in the form in
+A `FlightStepSearch` object proposes the steps of one flight. Its ``log`` lists the steps taken, in the form in
 which `kernel.krawczyk` reads them from a certificate.
 
 Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR
@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
-__all__ = ["Steps", "axes_of_balls", "midpoint_inverse", "searched_test"]
+__all__ = ["FlightStepSearch", "axes_of_balls", "midpoint_inverse", "searched_test"]
 
 Matrix = Sequence[Sequence[Any]]
 
@@ -37,7 +37,7 @@ _MAX_TRIALS = 40
 _AXIS_BITS = 30
 
 
-class Steps:
+class FlightStepSearch:
     """A proposer that finds the time steps of a flight by trial and error: each trial is put to the
     kernel's test.
     """
@@ -47,13 +47,13 @@ class Steps:
         # Share of the length that the midpoint's series allows; it adapts to accepted steps
         self._share = 0.75
 
-    def beyond(self) -> Steps:
+    def beyond(self) -> FlightStepSearch:
         """Return a new search, for the part of a step after the sliding velocity has changed its
         sign.
 
-        The new search's log is not used: `took` logs both parts of such a step in this object.
+        The new search's log is not used: `step_taken` logs both parts of such a step in this object.
         """
-        return Steps()
+        return FlightStepSearch()
 
     def step(self, path: Path, longest: float | None) -> Step | None:
         """Return a step of the path that the kernel's test proves, at most ``longest`` seconds
@@ -213,7 +213,7 @@ def searched_test(
     middle: Sequence[Any],
     sizes: Sequence[Any],
     moved: Any,
-    centre: tuple[Steps, Return] | None = None,
+    centre: tuple[FlightStepSearch, Return] | None = None,
 ) -> tuple[FixedPoints | Return, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
     evidence.
@@ -227,14 +227,14 @@ def searched_test(
         moved: A ball about zero, the deviation of the third number.
         centre: The search and the flight from the centre, if they have already been computed.
     """
-    way, flight = (Steps(), None) if centre is None else centre
+    way, flight = (FlightStepSearch(), None) if centre is None else centre
     chosen: list[Sequence[Any]] = []
 
     def inverse(matrix: Matrix) -> Matrix:
         chosen[:] = midpoint_inverse(matrix)
         return chosen
 
-    choices = Choices(way, Steps(), inverse)
+    choices = Choices(way, FlightStepSearch(), inverse)
     deviations = [arb(0, size) for size in sizes]
     deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
     fixed = krawczyk_test(setting, section, middle, deviations, unknown, choices, flight)

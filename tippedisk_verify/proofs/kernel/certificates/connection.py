@@ -59,7 +59,7 @@ __all__ = [
     "SHAPES",
     "SIDES",
     "EnclosedConnection",
-    "Recorded",
+    "RecordedChoices",
     "one_speed_stays",
     "room_keeps_orbits",
     "sentence",
@@ -340,7 +340,7 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
     )
 
 
-class Recorded:
+class RecordedChoices:
     """A function that returns the recorded choice of a given name from a certificate.
 
     The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
@@ -391,7 +391,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         "eigenvalues": [numbers[name] for name in EIGENVALUES],
         "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
-    choices = Recorded({**evidence, **claimed})
+    choices = RecordedChoices({**evidence, **claimed})
     verified = verify_connection(
         claim["parameters"], claim["friction"], numbers["omega_h"], choices
     )

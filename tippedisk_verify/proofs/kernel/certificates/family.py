@@ -86,7 +86,9 @@ ARC = {
 }
 
 Pair = tuple[Fraction, Fraction]
-Rows = tuple[tuple[Fraction, ...], tuple[Fraction, ...]]  #: coefficients of two polynomials
+CoefficientRows = tuple[
+    tuple[Fraction, ...], tuple[Fraction, ...]
+]  #: coefficients of two polynomials
 #: The disk, the amplitude at which the arc begins, the arc's number, its evidence
 Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
@@ -122,7 +124,7 @@ class Piece:
 
     low: Fraction
     high: Fraction
-    curve: Rows
+    curve: CoefficientRows
     unique_within: Pair  #: of the polynomials: no other cycle is nearer
     within: Pair  #: of the polynomials: the true values are this near
     #: with the shape `ARC`

@@ -1,4 +1,6 @@
-"""Certificates as files: a claim, the choices with which the kernel proved it, and a digest."""
+"""The result of a search for a proof, and its certificate as a file: a claim, the choices with which
+the kernel proved it, and a digest.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,9 @@ from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
 from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_text
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
-from tippedisk_verify.proofs.search.steps import Steps
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
-__all__ = ["Proof", "Proposer", "Stopped", "claim_of", "parameter_texts"]
+__all__ = ["ChoiceSearch", "Proof", "Stopped", "certificate_claim", "parameter_texts"]
 
 _PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those in the claim
 
@@ -107,7 +109,7 @@ class Proof:
         return entries | ({"status": self.status.name} if self.status else {})
 
 
-def claim_of(
+def certificate_claim(
     kind: str, parameters: Parameters, numbers: Mapping[str, Measured], **more: Any
 ) -> dict[str, Any]:
     """Return the claim of a certificate about a disk, as a dictionary.
@@ -134,7 +136,7 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
     return {name: exact_text(getattr(parameters, name)) for name in SYMBOLS}
 
 
-class Proposer:
+class ChoiceSearch:
     """A source of the choices that a verification in the kernel needs, such as weights and radii.
 
     It is called with the name of a choice and the values on which the choice may depend. Subclasses
@@ -161,7 +163,7 @@ def _as_text(value: Any) -> Any:
         return {name: _as_text(part) for name, part in value.items()}
     if isinstance(value, list | tuple):
         return [_as_text(part) for part in value]
-    if isinstance(value, Steps):
+    if isinstance(value, FlightStepSearch):
         return value.log
     if isinstance(value, arb):
         return dyadic_text(value)

@@ -24,10 +24,10 @@ from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 
-__all__ = ["METHODS", "heteroclinic"]
+__all__ = ["OMEGA_H_METHODS", "heteroclinic"]
 
 #: The names of the methods.
-METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
+OMEGA_H_METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
 _DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
@@ -46,7 +46,7 @@ def heteroclinic(
         parameters: The disk and its friction law.
         engine: The engine of the flights.
         digits: The significant digits of Omega_h.
-        method: One of `METHODS`.
+        method: One of `OMEGA_H_METHODS`.
         half_widths: If False, the method manifolds does not measure its error by a wider run.
 
     Raises:
@@ -54,8 +54,8 @@ def heteroclinic(
         NoConnectionError: If there is no connection.
         AccuracyError: If the digits are not reached.
     """
-    if method not in METHODS:
-        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(METHODS)}")
+    if method not in OMEGA_H_METHODS:
+        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(OMEGA_H_METHODS)}")
     digits, zero = checked_digits(digits), None
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(

@@ -18,13 +18,13 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 from tippedisk_verify.reference_values.table_rows import scale_of, split_name
 
-__all__ = ["LATER", "Answered", "Array", "Table", "tables_of"]
+__all__ = ["EXPLAINED_LAST", "Answered", "Array", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
 _PREDICTION_FACTOR = 10.0
 #: How the names of quantities begin that are explained last: derivatives of v', and residuals
-LATER = ("dv_rate", "residual")
+EXPLAINED_LAST = ("dv_rate", "residual")
 _NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
@@ -92,7 +92,7 @@ class Table(Answered):
     @cached_property
     def explained_last(self) -> Array:
         """A mask of those answers whose quantities are diagnosed after the others."""
-        return np.array([name.startswith(LATER) for name in self.names])
+        return np.array([name.startswith(EXPLAINED_LAST) for name in self.names])
 
     @cached_property
     def ids(self) -> list[str]:

@@ -13,9 +13,9 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify.bench.measurement import Score
 from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem, problem_named
-from tippedisk_verify.bench.race import Score
 from tippedisk_verify.bench.truth import truth_of
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES

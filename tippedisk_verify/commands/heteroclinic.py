@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from tippedisk_verify.commands.common import (
-    Common,
+    DiskOptions,
     disk_command,
     file_for,
     half_widths_option,
@@ -63,7 +63,7 @@ _MAX_FILE = 2**20  # bytes of a file of answers; each takes seconds
 )
 @half_widths_option
 def heteroclinic(
-    common: Common,
+    common: DiskOptions,
     method: str,
     near: str | None,
     answers: str | None,
@@ -84,7 +84,9 @@ def heteroclinic(
     return connection
 
 
-def _near_heteroclinic(common: Common, near: str, answers: str | None, out: Path | None) -> int:
+def _near_heteroclinic(
+    common: DiskOptions, near: str, answers: str | None, out: Path | None
+) -> int:
     """Study the limit cycles next to Omega_h, print a row for each distance and answer, and write
     the table or the figure.
     """

@@ -21,7 +21,7 @@ from tippedisk_verify.reference_values.store import Reading
 __all__ = [
     "READINGS",
     "STORED_DIGITS",
-    "ExactItem",
+    "Case",
     "Item",
     "Reading",
     "Values",
@@ -62,7 +62,7 @@ class Item:
 
 
 @dataclass(frozen=True)
-class ExactItem:
+class Case:
     """A question of the reference data in one reading: its disk and inputs as exact numbers.
 
     The inputs are read as decimals, or as the doubles nearest to them.
@@ -79,7 +79,7 @@ def as_doubles(disk: Disk) -> Disk:
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
-def case_of(item: Item, reading: Reading) -> ExactItem:
+def case_of(item: Item, reading: Reading) -> Case:
     """Return the disk and the inputs of a question as exact numbers, in one reading.
 
     A reading takes them as decimals, or as the doubles nearest to these.
@@ -93,7 +93,7 @@ def case_of(item: Item, reading: Reading) -> ExactItem:
             inputs[name] = text
             continue
         inputs[name] = Fraction(float(number)) if reading == "doubles" else number
-    return ExactItem(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
+    return Case(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
 def rounded_to_digits(measured: Measured, digits: int) -> Measured:
