@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from tippedisk_verify.reference_values.grading_rules import split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
-from tippedisk_verify.reference_values.table_rows import split_name
 
 _TINY = 1e-30  # the imaginary step
 _SECTION = math.pi / 2

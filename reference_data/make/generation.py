@@ -31,6 +31,7 @@ from tippedisk_verify.files import (
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import stored_questions
+from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.items import Item
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
@@ -44,7 +45,6 @@ from tippedisk_verify.reference_values.manifest import (
     sound_files,
 )
 from tippedisk_verify.reference_values.store import stored, table_rows
-from tippedisk_verify.reference_values.table_rows import VALUES_COLUMNS
 
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 

@@ -22,7 +22,7 @@ from tippedisk_verify.reference_values.truths import (
     ORDERS,
     WIDER_BITS,
     PlainEngine,
-    in_two,
+    evaluated_twice,
     trajectory_numbers,
 )
 from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
@@ -56,7 +56,7 @@ def symbolic(case: Case, values: Values) -> Values:
     return (
         {}
         if case.item.friction == "both"
-        else in_two(partial(_symbolic, case), WIDER_BITS, WIDER_BITS)
+        else evaluated_twice(partial(_symbolic, case), WIDER_BITS, WIDER_BITS)
     )
 
 
@@ -82,7 +82,7 @@ def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
 # -------------------------------------------------------------------------------------- Hopf point
 def hopf_by_balance(case: Case, values: Values) -> Values:
     """Compute the Hopf point without a normal form."""
-    return in_two(partial(_hopf_by_balance, case), kept=BITS - 20)
+    return evaluated_twice(partial(_hopf_by_balance, case), kept=BITS - 20)
 
 
 def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from reference_data.make.proofs import proved
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
+from tippedisk_verify.reference_values.grading_rules import table_row
 from tippedisk_verify.reference_values.items import (
     STORED_DIGITS,
     Case,
@@ -24,7 +25,6 @@ from tippedisk_verify.reference_values.items import (
     rounded_to_digits,
 )
 from tippedisk_verify.reference_values.manifest import data_folder, sound_files
-from tippedisk_verify.reference_values.table_rows import table_row
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 

@@ -16,10 +16,10 @@ import tippedisk_verify as tv
 from tests.command_line import answer
 from tippedisk_verify.bench.measurement import Score, fitted_order, raced
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
-from tippedisk_verify.bench.own_methods import method_of
+from tippedisk_verify.bench.own_methods import user_method
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.race import program_method
-from tippedisk_verify.bench.truth import has_error, returning
+from tippedisk_verify.bench.truth import cut_at_returns, has_error
 
 #: Seven periods, in which the distance from the cycle shrinks to 2e-3 (its multiplier is 0.413).
 DISK, OMEGA, DURATION = tv.Disk("table1"), 30.08, 15.0
@@ -117,7 +117,7 @@ def test_a_run_far_from_the_true_crossing_has_no_error(problem: Problem) -> None
 
 
 def test_a_program_and_the_suites_methods_have_these_errors(tmp_path: Path) -> None:
-    cycle = returning(tv.problem_named("cycle"), "period")
+    cycle = cut_at_returns(tv.problem_named("cycle"), "period")
 
     def rk4(problem: Problem, tolerance: float) -> Any:
         return runge_kutta(problem.scalar_rhs, problem.start, problem.times, 30)
@@ -131,7 +131,7 @@ def test_a_program_and_the_suites_methods_have_these_errors(tmp_path: Path) -> N
     )
     with program_method(f"{sys.executable} {script}", 1e-6) as program:
         suite = [one for one in BENCH_METHODS if one.name in ("taylor", "scipy LSODA, compiled")]
-        scores = raced([cycle], [program, method_of("mine", rk4, 1e-6), *suite])
+        scores = raced([cycle], [program, user_method("mine", rk4, 1e-6), *suite])
     by = {(score.method, score.setting): score.error or 1.0 for score in scores}
     # Both do the same arithmetic. Rounding is below 1e-13 s.
     assert by["program", "1e-06"] == pytest.approx(by["mine", "1e-06"], abs=1e-13)

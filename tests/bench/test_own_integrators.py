@@ -24,7 +24,7 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
 from tippedisk_verify.bench.measurement import machine, raced
-from tippedisk_verify.bench.own_methods import method_of, question
+from tippedisk_verify.bench.own_methods import question, user_method
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import program_method
 
@@ -263,7 +263,7 @@ def test_tolerances_that_are_not_positive_numbers_are_refused(
 
 def test_tolerances_may_be_numbers_of_any_kind() -> None:
     kinds = (1e-6, "1e-6", ["1e-4", 1e-6], np.array([1e-4, 1e-6]), (np.float32(0.5), 1))
-    assert [method_of("mine", len, one).settings for one in kinds] == [
+    assert [user_method("mine", len, one).settings for one in kinds] == [
         (1e-6,),
         (1e-6,),
         (1e-4, 1e-6),

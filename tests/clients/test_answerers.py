@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from tippedisk_verify.conformance.grading import compare
+from tippedisk_verify.reference_values.grading_rules import question_fields
 from tippedisk_verify.reference_values.store import stored
-from tippedisk_verify.reference_values.table_rows import question_fields
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")

@@ -28,8 +28,8 @@ from tippedisk_verify.conformance.sheet import (
     sheet_csv,
     sheet_json,
 )
+from tippedisk_verify.reference_values.grading_rules import QUESTION_COLUMNS
 from tippedisk_verify.reference_values.store import Store, stored
-from tippedisk_verify.reference_values.table_rows import QUESTION_COLUMNS
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
 

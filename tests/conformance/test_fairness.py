@@ -20,8 +20,8 @@ from tippedisk_verify.conformance.grading import (
 )
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
+from tippedisk_verify.reference_values.grading_rules import DIGITS_REQUIRED, digits_needed
 from tippedisk_verify.reference_values.store import Store, stored
-from tippedisk_verify.reference_values.table_rows import DIGITS_REQUIRED, digits_needed
 
 HET = "near-heteroclinic/het+1e-8"
 CRIT = "table1/linear/hopf/point/omega_crit"

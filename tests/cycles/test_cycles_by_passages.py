@@ -12,7 +12,7 @@ from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
-from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near_omega_h
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.model.parameters import PRINTED
@@ -29,7 +29,7 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     omega_h = splitting_zero(parameters, guess, taylor, 20).omega_h.value
     omega = omega_h + (1 if section is LIBRATING else -1) * Fraction(distance)
     quick = cycle_by_passages(section, parameters, omega, taylor, 12)
-    flown = cycle_near(section, parameters, omega, omega_h, taylor, digits=16)
+    flown = cycle_near_omega_h(section, parameters, omega, omega_h, taylor, digits=16)
     assert flown.precision == "quadruple"
     assert quick is not None
     assert quick.precision == "extended"

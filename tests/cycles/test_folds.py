@@ -17,7 +17,7 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles import folds
 from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
-from tippedisk_verify.cycles.fourier import Kind
+from tippedisk_verify.cycles.fourier import CycleKind
 from tippedisk_verify.cycles.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import locator_of
@@ -45,14 +45,14 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(
 @pytest.mark.parametrize(
     ("kind", "digits"),
     [
-        (Kind.LIBRATING, 12),
-        (Kind.LIBRATING, 30),
-        (Kind.ROTATING, 12),
+        (CycleKind.LIBRATING, 12),
+        (CycleKind.LIBRATING, 30),
+        (CycleKind.ROTATING, 12),
     ],
 )
 def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
-    disk = FOLDING if kind is Kind.LIBRATING else PRINTED
-    if kind is Kind.LIBRATING:
+    disk = FOLDING if kind is CycleKind.LIBRATING else PRINTED
+    if kind is CycleKind.LIBRATING:
         (shot,) = found = libration_folds(disk, taylor, digits=digits)
         assert found.followed_to == "Omega_h"
     else:
@@ -80,7 +80,7 @@ def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> N
 
 def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
     with pytest.raises(NoSuchCycleError, match="no fold of the librating cycles"):
-        spectral_fold(PRINTED, Kind.LIBRATING)
+        spectral_fold(PRINTED, CycleKind.LIBRATING)
 
 
 # ----------------------------------------------------------------------------------- what a fold is

@@ -98,7 +98,7 @@ def slow_manifold_series(draw: Draw) -> Question:
     def truth(found: Any) -> Any:
         ctx = bits(400).context
         constants, speed = disk.within(ctx), quotient(ctx, omega)
-        where = (found["place"], *slow_manifold.POINTS)
+        where = (found["place"], *slow_manifold.RESIDUAL_POINTS)
         place, *points = [[quotient(ctx, part) for part in point] for point in where]
         rows = [
             slow_manifold.invariance_residuals(ctx, constants, speed, *point, order)

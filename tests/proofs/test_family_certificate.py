@@ -23,8 +23,8 @@ from tippedisk_verify.proofs.kernel.certificates import family as module
 from tippedisk_verify.proofs.kernel.certificates.family import (
     Job,
     Piece,
+    enclosed_omega_crit,
     last_cycle,
-    omega_crit,
     verify,
     verify_piece,
 )
@@ -38,7 +38,7 @@ def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
     each, from Omega_crit.
     """
     with working_precision(100):
-        middle = Fraction(float(omega_crit(DISK).mid())).limit_denominator(10**6)
+        middle = Fraction(float(enclosed_omega_crit(DISK).mid())).limit_denominator(10**6)
     wide = {"radii": ["0.1", "0.2"], "steps": []}
     first = {
         "end": "0.5",

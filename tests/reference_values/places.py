@@ -19,7 +19,7 @@ from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.reference_values.draws import decimal_text
 from tippedisk_verify.reference_values.items import READINGS, Item
 from tippedisk_verify.theory.hopf import omega_crit
-from tippedisk_verify.theory.slow_manifold import POINTS
+from tippedisk_verify.theory.slow_manifold import RESIDUAL_POINTS
 
 __all__ = ["PLACES"]
 
@@ -80,7 +80,7 @@ def _harmonic_balances(name: str) -> Iterator[Item]:
 
 
 def _slow_manifolds(name: str) -> Iterator[Item]:
-    for n, (beta, gamma) in enumerate(POINTS, start=1):
+    for n, (beta, gamma) in enumerate(RESIDUAL_POINTS, start=1):
         inputs = {
             "Omega": _MANIFOLD_SPEED,
             "beta": decimal_text(beta, 4),

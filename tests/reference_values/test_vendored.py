@@ -17,6 +17,7 @@ from reference_data.make.generation import DATA_VERSION
 from tests.command_line import answer, printed
 from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export
+from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import (
     data_folder,
     definition_of,
@@ -24,7 +25,6 @@ from tippedisk_verify.reference_values.store import (
     stored,
     table_rows,
 )
-from tippedisk_verify.reference_values.table_rows import VALUES_COLUMNS
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()

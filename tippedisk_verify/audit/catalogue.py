@@ -1,4 +1,4 @@
-"""The list of all claims, in the order of the paper."""
+"""The list of all claims, in the order of the paper and in groups (`GROUPS`)."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ from tippedisk_verify.theory.equilibria import (
 )
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import (
-    POINTS,
+    RESIDUAL_POINTS,
     attraction_rate,
     first_correction,
     orders,
@@ -34,7 +34,7 @@ def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, boo
     """Compare the paper's h_1 with the recursion's at the twenty fixed points."""
     constants, speed = audit.sets[name].at(DOUBLE), 30.4
     worst = 0.0
-    for beta, gamma in POINTS:
+    for beta, gamma in RESIDUAL_POINTS:
         formula = first_correction(math, constants, speed, float(beta), float(gamma))
         recursion = orders(math, constants, speed, float(beta), float(gamma), 1)[1]
         worst = max(worst, abs(formula - recursion) / (1 + abs(formula)))

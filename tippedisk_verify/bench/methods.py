@@ -1,4 +1,4 @@
-"""The methods that are compared, each prepared for a problem at one setting."""
+"""The methods that are compared, with their tolerances, each prepared for a problem at one setting."""
 
 from __future__ import annotations
 

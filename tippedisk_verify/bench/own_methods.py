@@ -1,5 +1,5 @@
-"""Integrators of one's own in the race: functions, programs over pipes, and results measured
-elsewhere.
+"""Integrators of one's own as methods of a race: functions, the question that a program receives, and
+results measured elsewhere.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.exact import entries, fraction, shown
 
-__all__ = ["OWN", "TOLERANCES", "Solver", "method_of", "question", "scores_of", "states_of"]
+__all__ = ["OWN", "TOLERANCES", "Solver", "question", "scores_of", "states_of", "user_method"]
 
 #: A user's integrator: the states (n, 3) at ``problem.times`` to a relative tolerance.
 Solver = Callable[[Problem, float], Any]
@@ -33,7 +33,7 @@ _PATIENCE = 2.0  # s; after a longer run the tighter tolerances are left out
 _COLUMNS = ("problem", "setting", "seconds")
 
 
-def method_of(
+def user_method(
     name: str,
     solver: Solver,
     tolerances: float | Sequence[float] = TOLERANCES,

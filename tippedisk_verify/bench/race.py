@@ -1,4 +1,7 @@
-"""A race with integrators of one's own: their run time against their error, with the suite's."""
+"""A race with integrators of one's own: their run time against their error, with the suite's.
+
+A race starts a user's program and speaks with it. The program has `_TIME_LIMIT` for each run.
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,9 @@ from typing import Any, get_args
 
 from tippedisk_verify.bench.measurement import Score, raced, ratios
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method
-from tippedisk_verify.bench.own_methods import TOLERANCES, Solver, method_of, question, scores_of
+from tippedisk_verify.bench.own_methods import TOLERANCES, Solver, question, scores_of, user_method
 from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
-from tippedisk_verify.bench.truth import returning
+from tippedisk_verify.bench.truth import cut_at_returns
 from tippedisk_verify.dialogue import Program, started
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_text
@@ -137,7 +140,7 @@ def race(
     if error not in get_args(ErrorKind):
         raise InputError(f"error is one of {', '.join(get_args(ErrorKind))}, not {shown(error)}")
     chosen = [
-        returning(one if isinstance(one, Problem) else problem_named(one), error)
+        cut_at_returns(one if isinstance(one, Problem) else problem_named(one), error)
         for one in entries(problems)
     ]
     methods = [one if isinstance(one, Method) else _known(one) for one in entries(against)]
@@ -157,7 +160,7 @@ def race(
             methods.append(
                 running.enter_context(program_method(solver, tolerances, name))
                 if isinstance(solver, str)
-                else method_of(name, solver, tolerances)
+                else user_method(name, solver, tolerances)
             )
         total = sum(method.fits(problem) for method in methods for problem in chosen)
         scores = raced(chosen, methods, running.enter_context(progress_of(total, progress)))
@@ -219,7 +222,7 @@ def program_method(
         raise InputError("a program needs a command")
     with started(words, _TIME_LIMIT) as program:
         dialogue = _Dialogue(program)
-        yield method_of(name, dialogue.solve, tolerances, lambda: dialogue.seconds)
+        yield user_method(name, dialogue.solve, tolerances, lambda: dialogue.seconds)
 
 
 class _Dialogue:

@@ -51,7 +51,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
 
-__all__ = ["Truth", "has_error", "numbers_of", "returning", "truth_of"]
+__all__ = ["Truth", "cut_at_returns", "has_error", "numbers_of", "truth_of"]
 
 _CROSSING = Event("crossing", SECTION.function, direction=1, terminal=False)  # v < 0
 _LARGEST = Event("largest", BETA_EXTREME.function, direction=-1, terminal=False)
@@ -100,7 +100,7 @@ def truth_of(problem: Problem, sharp: bool = True) -> Truth:
     )
 
 
-def returning(problem: Problem, error: ErrorKind) -> Problem:
+def cut_at_returns(problem: Problem, error: ErrorKind) -> Problem:
     """Return a problem that ends where an error on a cycle is measured.
 
     The sample times divide a return to the section evenly, so that a method of fixed steps takes
@@ -143,9 +143,9 @@ def returning(problem: Problem, error: ErrorKind) -> Problem:
 
 
 def has_error(problem: Problem, error: ErrorKind) -> bool:
-    """Return True if `returning` gives the problem for an error of this kind."""
+    """Return True if `cut_at_returns` gives the problem for an error of this kind."""
     with suppress(InputError):
-        returning(problem, error)
+        cut_at_returns(problem, error)
         return True
     return False
 

@@ -1,6 +1,6 @@
 """The grading of answers in digits: the correct digits of each answer, and the verdict.
 
-The scale of an error and the digits required are in `reference_values.table_rows`."""
+The scale of an error and the digits required are in `reference_values.grading_rules`."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ from tippedisk_verify.files import printable
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
+from tippedisk_verify.reference_values.grading_rules import (
+    ROUNDING,
+    digits_needed,
+    scale_of,
+    slopes_of,
+    split_name,
+)
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import (
     Reading,
     ReferenceValue,
     is_optional,
     optional_beside,
-)
-from tippedisk_verify.reference_values.table_rows import (
-    ROUNDING,
-    digits_needed,
-    scale_of,
-    slopes_of,
-    split_name,
 )
 
 __all__ = [

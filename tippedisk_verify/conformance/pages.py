@@ -12,8 +12,8 @@ from tippedisk_verify.conformance.grading import Grade, Tally, by_quantity
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable, data_frame
+from tippedisk_verify.reference_values.grading_rules import ALLOWED_INPUT_CHANGE, DIGITS_REQUIRED
 from tippedisk_verify.reference_values.store import is_optional
-from tippedisk_verify.reference_values.table_rows import ALLOWED_INPUT_CHANGE, DIGITS_REQUIRED
 
 if TYPE_CHECKING:
     from rich.console import Console

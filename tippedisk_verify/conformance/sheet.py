@@ -26,6 +26,11 @@ from typing import Any
 from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text, printable, read_text
+from tippedisk_verify.reference_values.grading_rules import (
+    QUESTION_COLUMNS,
+    VALUES_COLUMNS,
+    question_fields,
+)
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.store import (
     ReferenceValue,
@@ -33,11 +38,6 @@ from tippedisk_verify.reference_values.store import (
     definition_of,
     is_optional,
     optional_beside,
-)
-from tippedisk_verify.reference_values.table_rows import (
-    QUESTION_COLUMNS,
-    VALUES_COLUMNS,
-    question_fields,
 )
 
 __all__ = [

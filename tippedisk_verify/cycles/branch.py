@@ -20,7 +20,7 @@ import numpy
 
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_speed import cycles_at
-from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS
+from tippedisk_verify.cycles.cycles_by_whole_flights import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.cycles.family import Family, in_batches
 from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
@@ -530,7 +530,7 @@ def _piece(
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """
     (_, begin), (name, end) = disk_locator.librating_family.ends[piece : piece + 2]
-    margin, closest = (end - begin) / 1000, 2 * float(DOUBLE_SHOOTS)
+    margin, closest = (end - begin) / 1000, 2 * float(MIN_SHOOTING_DISTANCE)
     first = begin + math.copysign(max(abs(margin), _MIN_DISTANCE * begin), margin)
     last = end - math.copysign(
         max(abs(margin), closest if name == "Omega_h" else _MIN_DISTANCE * end), margin

@@ -8,7 +8,11 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages, shared_digits
-from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS, cycle_near, with_speed
+from tippedisk_verify.cycles.cycles_by_whole_flights import (
+    MIN_SHOOTING_DISTANCE,
+    cycle_near_omega_h,
+    with_speed,
+)
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Location, Locator, locator_of
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
@@ -26,7 +30,7 @@ __all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]
 C = TypeVar("C", bound=Cycle)
 
 # rad/s; closer, passages give twelve digits. From here on 64 bits suffice.
-_BY_PASSAGES = 4 * DOUBLE_SHOOTS
+_BY_PASSAGES = 4 * MIN_SHOOTING_DISTANCE
 _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
@@ -99,8 +103,10 @@ def _next_to_omega_h(
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
     with subrange(_BY_OMEGA_H, 1):
-        if distance < DOUBLE_SHOOTS:  # the branch leads there: the family is not needed
-            at_speed = cycle_near(section, parameters, omega, omega_h.value, engine, digits=digits)
+        if distance < MIN_SHOOTING_DISTANCE:  # the branch leads there: the family is not needed
+            at_speed = cycle_near_omega_h(
+                section, parameters, omega, omega_h.value, engine, digits=digits
+            )
         else:
             location: Location[Any] = (
                 disk_locator.librating_at(omega, omega_h.value)

@@ -21,9 +21,9 @@ from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.saddle_passages import (
-    Choice,
     GlobalMap,
     HalfMap,
+    PassageAccuracy,
     half_period_matrix,
     integral_of_divergence,
     to_section,
@@ -44,12 +44,14 @@ __all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law", "shar
 
 C = TypeVar("C", bound=Cycle)
 
-_CHOICE = Choice(order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5)
+_CHOICE = PassageAccuracy(
+    order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5
+)
 #: Choices with a larger truncation error. Their flights lie closer together, so that rounding
 #: weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
 #: which matter most.
 _COARSER_CHOICES = tuple(
-    Choice(
+    PassageAccuracy(
         order=17,
         bands=4,
         share=share,

@@ -1,6 +1,9 @@
 """Limit cycles next to Omega_h by flights past the saddles: librating above it and rotating below,
 at distances D down to 1e-800 rad/s.
 
+They are the way to a cycle within `MIN_SHOOTING_DISTANCE` of Omega_h, where shooting in double does
+not settle, and passages do not have the digits wanted.
+
 Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A
 cycle passes the saddles so closely that it leaves them along the unstable branch.
 
@@ -36,11 +39,13 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
-__all__ = ["DOUBLE_SHOOTS", "cycle_near", "fixed_point_near", "with_speed"]
+__all__ = ["MIN_SHOOTING_DISTANCE", "cycle_near_omega_h", "fixed_point_near", "with_speed"]
 
 C = TypeVar("C", bound=Cycle)
 
-DOUBLE_SHOOTS = Fraction(1, 10**5)  # rad/s; closer, shooting in double does not settle reliably
+MIN_SHOOTING_DISTANCE = Fraction(
+    1, 10**5
+)  # rad/s; closer, shooting in double does not settle reliably
 _STRONG_CONTRACTION = -1.0  # decimal logarithm of a contraction that needs no derivative
 _MAX_STEPS = 25
 _ROUNDING_STEP = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
@@ -51,7 +56,7 @@ _SPEED_MOVE = Fraction(1, 1000)
 _CACHED_CYCLES = 64  # cycles in the cache; each takes some seconds
 
 
-def cycle_near(
+def cycle_near_omega_h(
     section: Section[C],
     parameters: Parameters,
     omega: Fraction,
@@ -105,10 +110,10 @@ def fixed_point_near(
     *,
     digits: int,
 ) -> FixedPoint[C]:
-    """Solve for the cycle of `cycle_near` in one arithmetic, without a measure of its error.
+    """Solve for the cycle of `cycle_near_omega_h` in one arithmetic, without a measure of its error.
 
     Args:
-        section, parameters, omega, omega_h, engine: As for `cycle_near`.
+        section, parameters, omega, omega_h, engine: As for `cycle_near_omega_h`.
         digits: The significant digits that the arithmetic holds.
 
     Raises:
@@ -218,7 +223,7 @@ def with_speed(
         engine: The engine of the flights.
     """
     moved = min(distance, branch_length - distance) * _SPEED_MOVE
-    too_close = distance < DOUBLE_SHOOTS
+    too_close = distance < MIN_SHOOTING_DISTANCE
     precision = (
         precision_near_omega_h(cycle.parameters, omega_h.value, distance, 0)
         if too_close

@@ -38,7 +38,7 @@ from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
 
-__all__ = ["MAX_SAMPLES", "Collocation", "Kind", "resampled", "samples_for", "sizes"]
+__all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resampled", "samples_for", "sizes"]
 
 MAX_SAMPLES = 2048  #: the largest number of samples of a collocation
 
@@ -58,7 +58,7 @@ def _on_arrays(ctx: Any) -> SimpleNamespace:
     )
 
 
-class Kind(Enum):
+class CycleKind(Enum):
     """The kinds of limit cycle for collocation; the value is the number of half periods that are
     sampled.
     """
@@ -93,7 +93,7 @@ class Collocation:
     """
 
     def __init__(
-        self, parameters: Parameters, kind: Kind, count: int, digits: int | None = None
+        self, parameters: Parameters, kind: CycleKind, count: int, digits: int | None = None
     ) -> None:
         self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
         ctx = self.ctx
@@ -238,7 +238,7 @@ class Collocation:
 
 
 @lru_cache(maxsize=64)
-def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]:
+def _operators(kind: CycleKind, count: int, precision: int | None) -> tuple[Any, Any]:
     """Return two matrices that act on samples of a periodic function: of differentiation with
     respect to the angle, and of integration of functions without mean.
 
@@ -275,11 +275,11 @@ def _operators(kind: Kind, count: int, precision: int | None) -> tuple[Any, Any]
     return spread(slope), spread(integral)
 
 
-def _spectrum(kind: Kind, beta: Any) -> Any:
-    return numpy.fft.rfft(beta if kind is Kind.ROTATING else numpy.concatenate((beta, -beta)))
+def _spectrum(kind: CycleKind, beta: Any) -> Any:
+    return numpy.fft.rfft(beta if kind is CycleKind.ROTATING else numpy.concatenate((beta, -beta)))
 
 
-def resampled(kind: Kind, point: Any, count: int) -> Any:
+def resampled(kind: CycleKind, point: Any, count: int) -> Any:
     """Interpolate a collocation point to another number of samples, by its trigonometric
     polynomial.
 
@@ -298,7 +298,7 @@ def resampled(kind: Kind, point: Any, count: int) -> Any:
     return numpy.append(beta, point[old:])
 
 
-def sizes(kind: Kind, beta: Any) -> Any:
+def sizes(kind: CycleKind, beta: Any) -> Any:
     """Return the amplitudes of beta_bar's harmonics [rad], in double: for librating cycles the odd
     ones, for rotating cycles all from the first on.
 
@@ -310,7 +310,7 @@ def sizes(kind: Kind, beta: Any) -> Any:
     return 2 * numpy.abs(_spectrum(kind, beta))[1 :: 2 // kind.value] / half_periods
 
 
-def samples_for(kind: Kind, point: Any, digits: int) -> int:
+def samples_for(kind: CycleKind, point: Any, digits: int) -> int:
     """Return the number of collocation samples that a cycle needs for the wanted digits, from the
     decay of its harmonics.
 
@@ -326,6 +326,6 @@ def samples_for(kind: Kind, point: Any, digits: int) -> int:
     half = len(logarithms) // 2
     falls = 6.0 if half < 2 else (logarithms[half - 1] - logarithms[-1]) / (len(logarithms) - half)
     # A librating cycle's state at the section converges after its period
-    spare = 3 if kind is Kind.ROTATING else 9
+    spare = 3 if kind is CycleKind.ROTATING else 9
     harmonics = (digits + spare) / max(falls, 1e-3)
     return min(MAX_SAMPLES, kind.samples(max(_MIN_SAMPLES, 2 * harmonics)))

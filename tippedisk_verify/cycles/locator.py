@@ -18,7 +18,10 @@ from typing import Generic, TypeVar
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycles_by_passages import FIRST_DIGITS, cycle_by_passages
-from tippedisk_verify.cycles.cycles_by_whole_flights import DOUBLE_SHOOTS, cycle_near
+from tippedisk_verify.cycles.cycles_by_whole_flights import (
+    MIN_SHOOTING_DISTANCE,
+    cycle_near_omega_h,
+)
 from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
 from tippedisk_verify.cycles.family import Place
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -104,7 +107,7 @@ class Location(Generic[C]):
             if passing is not None:
                 return passing
             assert self.omega_h is not None
-            return cycle_near(
+            return cycle_near_omega_h(
                 self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits
             )
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
@@ -228,7 +231,7 @@ class Locator:
         if not any(start.piece == 0 for start in starts):
             starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
         location = replace(location, refusal=refusal, starts=tuple(starts))
-        if family.connected and abs(omega - Fraction(family.limit)) < 2 * DOUBLE_SHOOTS:
+        if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
                 return self._next_to_omega_h(
                     location, len(family.folds), above=self.connection_attracts
@@ -254,7 +257,7 @@ class Locator:
             AccuracyError: If Omega_h has too few digits.
         """
         family, speed = self.rotating_family, float(omega)
-        too_close = stable is not False and abs(omega - family.omega_h) < DOUBLE_SHOOTS
+        too_close = stable is not False and abs(omega - family.omega_h) < MIN_SHOOTING_DISTANCE
         starts, refusal = list[Place](), ""
         if not too_close or stable is None:
             try:

@@ -63,7 +63,7 @@ _DECAYED = 2.0**-60  # the largest fast coordinate at the end of a passage, in u
 _charts = lru_cache(maxsize=16)(ChartFamily)
 
 
-class Choice(NamedTuple):
+class PassageAccuracy(NamedTuple):
     """The settings with which the map between the saddles (`GlobalMap`) is computed."""
 
     order: int  #: the order of the charts
@@ -120,7 +120,7 @@ class GlobalMap:
     """
 
     def __init__(
-        self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: Choice
+        self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: PassageAccuracy
     ) -> None:
         self.parameters, self.choice = parameters, choice
         saddle = Saddle(parameters, omega_h, 80, 1)

@@ -14,7 +14,13 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, Kind, resampled, samples_for
+from tippedisk_verify.cycles.fourier import (
+    MAX_SAMPLES,
+    Collocation,
+    CycleKind,
+    resampled,
+    samples_for,
+)
 from tippedisk_verify.cycles.spectral_branch import (
     branch_to,
     first_fold,
@@ -114,9 +120,9 @@ def balanced_cycle(
             "beta_max": beta_max,
         }
 
-    count = 2 * harmonics if harmonics else samples_for(Kind.LIBRATING, start, digits)
+    count = 2 * harmonics if harmonics else samples_for(CycleKind.LIBRATING, start, digits)
     while True:
-        result = _at_two_resolutions(parameters, Kind.LIBRATING, count, digits, numbers)
+        result = _at_two_resolutions(parameters, CycleKind.LIBRATING, count, digits, numbers)
         if result["period"].uncertainty > Fraction(_MAX_HALF_WIDTH) * result["period"].value:
             raise not_converged_error(count)
         worst = max(number.uncertainty / abs(number.value) for number in result.values())
@@ -129,7 +135,7 @@ def balanced_cycle(
             )
         # Digits grow in proportion to the harmonics, and a tenth more is for the half-widths.
         more = 1.1 * digits / max(digits / 2, -math.log10(worst))
-        count = min(MAX_SAMPLES, Kind.LIBRATING.samples(more * count))
+        count = min(MAX_SAMPLES, CycleKind.LIBRATING.samples(more * count))
 
 
 def _largest(a: Collocation, beta: Any, digits: int) -> Any:
@@ -169,7 +175,7 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     if parameters.law.two_sided:  # its cycles differ little from those of the linear law
         parameters = parameters.with_friction("linear")
     point = branch_to(parameters, omega)
-    gamma, v = Collocation(parameters, Kind.LIBRATING, len(point) - 2).motion(point)
+    gamma, v = Collocation(parameters, CycleKind.LIBRATING, len(point) - 2).motion(point)
     return float(gamma[0]), float(v[0])
 
 
@@ -222,9 +228,9 @@ def spectral_rotation(
             "log_multipliers": period * a.slopes(cycle)[2].sum() / a.count,
         }
 
-    count = samples_for(Kind.ROTATING, start, digits)
+    count = samples_for(CycleKind.ROTATING, start, digits)
     return SpectralRotation(
-        speed, count, **_at_two_resolutions(parameters, Kind.ROTATING, count, digits, numbers)
+        speed, count, **_at_two_resolutions(parameters, CycleKind.ROTATING, count, digits, numbers)
     )
 
 
@@ -272,7 +278,7 @@ class SpectralFold:
 
 
 def spectral_fold(
-    parameters: Parameters, kind: Kind = Kind.ROTATING, *, digits: int = 12
+    parameters: Parameters, kind: CycleKind = CycleKind.ROTATING, *, digits: int = 12
 ) -> SpectralFold:
     """Return the fold of the linear law's rotating limit cycles, or the first one of the librating
     cycles.
@@ -308,7 +314,7 @@ def spectral_fold(
         cycle, null = fold[: n + 2], fold[n + 2 :]
         gamma, v = a.motion(cycle)
         turned, rate = a.motion_along(cycle, null)
-        angle, by_family = (cycle, null) if kind is Kind.ROTATING else (gamma, turned)
+        angle, by_family = (cycle, null) if kind is CycleKind.ROTATING else (gamma, turned)
         return {
             "omega": cycle[-1],
             "period": 2 * a.pi / cycle[-2],
@@ -324,7 +330,7 @@ def spectral_fold(
 # ------------------------------------------------------------------------------------- above double
 def _at_two_resolutions(
     parameters: Parameters,
-    kind: Kind,
+    kind: CycleKind,
     count: int,
     digits: int,
     numbers: Callable[[Collocation], dict[str, Any]],
@@ -348,7 +354,7 @@ def _at_two_resolutions(
     sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD_DIGITS + _FINER_DIGITS))
     least = (
         abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1)
-        if kind is Kind.LIBRATING
+        if kind is CycleKind.LIBRATING
         else Fraction(0)
     )
     return {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, Kind, resampled, sizes
+from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, CycleKind, resampled, sizes
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
@@ -111,7 +111,7 @@ def _solved(
         unknowns = unknowns - min(1.0, _MAX_STEP / max(longest, 1e-300)) * step
         beta, others = unknowns[:n], unknowns[n : n + 2]
         size = longest / amplitude + abs(step[n : n + 2] / others).max()
-        if a.kind is Kind.ROTATING:  # the disk leans to one side
+        if a.kind is CycleKind.ROTATING:  # the disk leans to one side
             is_cycle = beta.min() > 0 and beta.max() < math.pi / 2
         else:
             is_cycle = abs(beta).max() >= amplitude / 4 and (others > 0).all()
@@ -186,7 +186,7 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
     return rows
 
 
-def first_fold(parameters: Parameters, kind: Kind) -> Any:
+def first_fold(parameters: Parameters, kind: CycleKind) -> Any:
     """Find the first fold of the librating cycles from the Hopf point on, or the fold of the
     rotating ones, by collocation.
 
@@ -200,7 +200,7 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
     Raises:
         NoSuchCycleError: If there is no fold before periods are long.
     """
-    if kind is Kind.LIBRATING:
+    if kind is CycleKind.LIBRATING:
         points = _librating_branch(parameters, math.inf)
     else:  # along the unstable ones, from Omega_crit on downward
         crit = float(omega_crit(parameters, 20).value)
@@ -221,7 +221,7 @@ def first_fold(parameters: Parameters, kind: Kind) -> Any:
 
 # --------------------------------------------------------------------------------------- the branch
 def _follow_branch(
-    parameters: Parameters, kind: Kind, before: Any, point: Any, target: float
+    parameters: Parameters, kind: CycleKind, before: Any, point: Any, target: float
 ) -> Iterator[tuple[Any, bool]]:
     """Yield the points of a branch of limit cycles one after the other, folds included, from its
     first two on.
@@ -267,7 +267,7 @@ def _follow_branch(
         length = min(1.3, 2 * length)
 
 
-def _scaled_point(kind: Kind, point: Any, small: float) -> Any:
+def _scaled_point(kind: CycleKind, point: Any, small: float) -> Any:
     harmonics = sizes(kind, point[:-2])
     if harmonics[-2:].max() > small * harmonics[0] and len(point) < MAX_SAMPLES // 4:
         return resampled(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
@@ -296,11 +296,11 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
         for amplitude in (0.0, _FIRST_AMPLITUDE)
     )
     cycle = solve_on_plane(
-        Collocation(parameters, Kind.LIBRATING, _FIRST_SAMPLES), first, first - birth
+        Collocation(parameters, CycleKind.LIBRATING, _FIRST_SAMPLES), first, first - birth
     )
     if cycle is None:
         raise not_converged_error(_FIRST_SAMPLES)
-    return _follow_branch(parameters, Kind.LIBRATING, birth, cycle, target)
+    return _follow_branch(parameters, CycleKind.LIBRATING, birth, cycle, target)
 
 
 def branch_to(parameters: Parameters, target: Fraction) -> Any:
@@ -333,13 +333,13 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
         lies_flat = abs(before[:-2]).max() > _FLAT_LEAN
         reason = "where the disk would lie flat" if lies_flat else "in ever longer periods"
         raise NoSuchCycleError(f"{nowhere}: the branch ends near {before[-1]:.5g} rad/s, {reason}")
-    before = resampled(Kind.LIBRATING, before, len(point) - 2)
+    before = resampled(CycleKind.LIBRATING, before, len(point) - 2)
     share = (speed - before[-1]) / (point[-1] - before[-1])
     # At a fold, and at the Hopf point, the speed changes with the square of the way.
     share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turns else share
     guess = before + share * (point - before)
     guess[-1] = speed
-    cycle = solve_on_plane(Collocation(parameters, Kind.LIBRATING, len(guess) - 2), guess)
+    cycle = solve_on_plane(Collocation(parameters, CycleKind.LIBRATING, len(guess) - 2), guess)
     if cycle is None:
         raise not_converged_error(len(guess) - 2)
     return cycle
@@ -362,7 +362,7 @@ def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
         NoSuchCycleError: If Newton's iteration does not get there from any of the rolling disk's
             rotations.
     """
-    a = Collocation(parameters, Kind.ROTATING, _ROTATION_SAMPLES)
+    a = Collocation(parameters, CycleKind.ROTATING, _ROTATION_SAMPLES)
     for lean in _START_LEANS if stable else _START_LEANS[::-1]:
         point = solve_on_plane(a, _rolling_disk_cycle(parameters, omega, lean))
         if point is not None and (floquet_mode(a, point)[0] < 0) == stable:

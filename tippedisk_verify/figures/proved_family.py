@@ -10,7 +10,7 @@ import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
 from tippedisk_verify.proofs.kernel.certificates.family import Piece
-from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
+from tippedisk_verify.proofs.search.family import FamilyProof, enclosed_omega_crit
 
 __all__ = ["draw_proved_family"]
 
@@ -26,7 +26,7 @@ def draw_proved_family(proof: FamilyProof) -> Any:
         The Matplotlib figure.
     """
     figure, axes = grid(4, 2, (4.5, 3.4))
-    crit = float(omega_crit(proof.parameters).value)
+    crit = float(enclosed_omega_crit(proof.parameters).value)
     enclosure = proof.connection.omega_h if proof.connection is not None else None
     omega_h = math.nan if enclosure is None else float(enclosure.value)
     for draw, axis in zip((_family, _widths, _hopf_end, _connection_end), axes, strict=True):

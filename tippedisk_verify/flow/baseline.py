@@ -1,8 +1,9 @@
 """SciPy's integrators behind the contract: a method that shares only the equations with heyoka.
 
-It works in double precision and with every friction law. Under a law with two sides it keeps its
-correctness and loses only order, because the field is once continuously differentiable and no more.
-Implicit methods and derivatives use the Jacobian of `model.equations`.
+It works in double precision and with every friction law. A run without a tolerance of its own has
+`_DEFAULT_TOLERANCE`. A race has the tolerances of `bench.methods`. Under a law with two sides it
+keeps its correctness and loses only order, because the field is once continuously differentiable and
+no more. Implicit methods and derivatives use the Jacobian of `model.equations`.
 """
 
 from __future__ import annotations

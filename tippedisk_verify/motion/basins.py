@@ -1,9 +1,9 @@
 """The fate of many initial states: the basins, and fractions with their sampling error.
 
 The states fill a plane of constant v in the strip between two noninverted states, with one random
-state in each cell of a grid (stratified sampling). They run in SIMD lanes, portion by portion, and
-states whose disk lies flat leave their lanes. The fate of the others follows from |gamma - pi/2|,
-within their well, at the crossings of beta = pi/2 in the last seconds.
+state in each cell of a grid (stratified sampling). They run in SIMD lanes, in tasks of `_TASK_SIZE`
+states, and states whose disk lies flat leave their lanes. The fate of the others follows from
+|gamma - pi/2|, within their well, at the crossings of beta = pi/2 in the last seconds.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 - `lookup` finds a value by its id. `export` writes values in other formats.
 - `items` defines questions. `truths` computes their answers.
 - `draws` and `fresh` make new questions from a seed. `checking` computes published values again.
-- `table_rows` has everything that grading needs to know about a question.
+- `grading_rules` has the digits required at each level, the scale of an error, and the columns of sheets.
 
 An *item* is a question, such as a state or a cycle. A *case* is an item whose numbers are read in one
 way, as decimals or as doubles. A *reference value* is one number that an item asks for, and a *row*

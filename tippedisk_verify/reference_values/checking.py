@@ -13,10 +13,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
+from tippedisk_verify.reference_values.grading_rules import table_row
 from tippedisk_verify.reference_values.items import Item, Reading, Values, case_of, disagreements
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
-from tippedisk_verify.reference_values.table_rows import table_row
 from tippedisk_verify.reference_values.truths import compute_again
 
 __all__ = ["CheckReport", "StoredItem", "check", "recomputed", "stored_questions"]

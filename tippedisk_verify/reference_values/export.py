@@ -13,8 +13,8 @@ from tippedisk_verify.files import file_ending_in, output_file, write_table, wri
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.grading_rules import digits_needed, scale_of, table_row
 from tippedisk_verify.reference_values.store import ReferenceValue
-from tippedisk_verify.reference_values.table_rows import digits_needed, scale_of, table_row
 
 __all__ = ["FORMATS", "export"]
 

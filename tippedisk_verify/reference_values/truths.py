@@ -59,7 +59,7 @@ __all__ = [
     "compute",
     "compute_again",
     "condition",
-    "in_two",
+    "evaluated_twice",
     "omega_h_values",
     "optional_quantities",
     "shoot_known_cycle",
@@ -148,7 +148,7 @@ def _moved(case: Case, name: str, factor: Fraction) -> Case:
     return replace(case, disk=replace(case.disk, **{name: value}))
 
 
-def in_two(
+def evaluated_twice(
     evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS
 ) -> Values:
     """Evaluate a function in two precisions, and return the values with the error that this shows.
@@ -256,7 +256,7 @@ def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
     """
     item = Item(quantity.id.rsplit("/", 1)[0], quantity.inputs)
     cases = {reading: case_of(item, reading) for reading in READINGS}
-    values = {reading: in_two(partial(_optional, case)) for reading, case in cases.items()}
+    values = {reading: evaluated_twice(partial(_optional, case)) for reading, case in cases.items()}
     slopes = by_differences(cases["decimals"], lambda moved: _optional(moved, fp), _STEP_IN_DOUBLE)
     return [
         as_reference_value(
@@ -469,14 +469,14 @@ def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values
 
 
 _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
-    "rhs": lambda case, digits: in_two(partial(_right_hand_side, case)),
+    "rhs": lambda case, digits: evaluated_twice(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
     "harmonic-balance": lambda case, digits: _named(
         case,
         one_harmonic_law.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
-    "slow-manifold": lambda case, digits: in_two(partial(_manifold, case), kept=BITS - 20),
+    "slow-manifold": lambda case, digits: evaluated_twice(partial(_manifold, case), kept=BITS - 20),
     "trajectory": trajectory_values,
     # On drawn disks the one-harmonic law is a good enough guess.
     "limit-cycle": lambda case, digits: _named(
@@ -498,13 +498,15 @@ _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
 }
 _COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
-    "rhs": lambda case, digits: in_two(
+    "rhs": lambda case, digits: evaluated_twice(
         partial(_right_hand_side, case, shift=True), WIDER_BITS, WIDER_BITS
     ),
     # Two nearly equal eigenvalues cost the algorithm half its digits. Just below Omega_crit a
     # numerator cancels.
-    "equilibrium": lambda case, digits: in_two(partial(_eigenvalues, case), kept=BITS // 2),
-    "harmonic-balance": lambda case, digits: in_two(partial(_law, case), kept=BITS - 40),
+    "equilibrium": lambda case, digits: evaluated_twice(
+        partial(_eigenvalues, case), kept=BITS // 2
+    ),
+    "harmonic-balance": lambda case, digits: evaluated_twice(partial(_law, case), kept=BITS - 40),
     "trajectory": partial(trajectory_values, shift=True),
 }
 Plain = Callable[[Case, Values], Mapping[str, Any]]

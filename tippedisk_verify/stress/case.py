@@ -19,7 +19,7 @@ __all__ = [
     "CaseOutcome",
     "StressCase",
     "StressResult",
-    "against",
+    "compared_outcome",
     "cycle_digits",
     "double_digits_between",
     "flown",
@@ -153,10 +153,10 @@ def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = N
         )
     if not mine.status.usable:
         return CaseOutcome(mine.status.name, note=mine.status.value)
-    return against(mine, sharp)
+    return compared_outcome(mine, sharp)
 
 
-def against(mine: Result, sharp: Result) -> CaseOutcome:
+def compared_outcome(mine: Result, sharp: Result) -> CaseOutcome:
     """Compare a result and its half-widths with the same run in higher precision, and return the
     outcome.
     """

@@ -9,7 +9,7 @@ from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near
+from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near_omega_h
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.cycles.shooting import shoot_limit_cycle
@@ -76,7 +76,7 @@ def _one_ulp_above() -> CaseOutcome:
     speed = Fraction(float(omega_h))
     if speed <= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), math.inf))
-    mine = cycle_near(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
+    mine = cycle_near_omega_h(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
     sharp = cycle_above_omega_h(PRINTED, speed - omega_h.value, engine, digits=14)
     return cycle_digits(mine, sharp, ("period",))
 

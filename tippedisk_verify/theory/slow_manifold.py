@@ -9,6 +9,9 @@ a quadratic g_1. So the invariance condition gives each order explicitly:
 
     a h_n = [g_1]_(n-1) - sum_(i+j=n-1) (d h_i / d beta) h_j + Omega cos(beta) d h_(n-1) / d gamma.
 
+**Residuals.** The residuals of the invariance equation are taken at twenty fixed points,
+`RESIDUAL_POINTS`.
+
 **Convergence.** The series looks divergent: |h_n|^(1/n) grows about linearly in n. It is
 asymptotic, with a best order at each point.
 """
@@ -37,7 +40,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.series import Angle, PowerSeries
 
 __all__ = [
-    "POINTS",
+    "RESIDUAL_POINTS",
     "ReducedEquilibrium",
     "SlowManifold",
     "SlowManifoldSeries",
@@ -59,7 +62,7 @@ _GMPY2_OPS: Any = SimpleNamespace(sin=gmpy2.sin, cos=gmpy2.cos)
 #: Twenty fixed points (beta, gamma) [rad] of the box |beta - pi/2| <= 1, |gamma - pi/2| <= pi. A
 #: Kronecker sequence of the plastic number's powers spreads them, so that they miss no pattern of
 #: the field.
-POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
+RESIDUAL_POINTS: tuple[tuple[Fraction, Fraction], ...] = tuple(
     (
         Fraction(15708, 10000) + 2 * (Fraction(7549 * n % 10000, 10000) - Fraction(1, 2)),
         Fraction(15708, 10000)
@@ -564,7 +567,9 @@ def _largest_residuals(
     below = (order + 1) * max(0, math.ceil(-math.log10(min(epsilons))))
     largest = []
     with gmpy2.context(precision=bits_for_digits(60 + below)):
-        expansions = [_expansion(parameters, omega, point, order, slopes=True) for point in POINTS]
+        expansions = [
+            _expansion(parameters, omega, point, order, slopes=True) for point in RESIDUAL_POINTS
+        ]
         for epsilon in map(gmpy2.mpfr, epsilons):
             by_order = zip(*(series.residuals(epsilon) for series in expansions), strict=True)
             largest.append([float(max(map(abs, sizes))) for sizes in by_order])
@@ -578,7 +583,8 @@ def _best_order(parameters: Parameters, omega: Fraction, highest: int = 10) -> t
     """
     with gmpy2.context(precision=120):
         rows = [
-            _expansion(parameters, omega, point, highest, slopes=False).orders for point in POINTS
+            _expansion(parameters, omega, point, highest, slopes=False).orders
+            for point in RESIDUAL_POINTS
         ]
         epsilon = gmpy2.mpfr(parameters.epsilon)
         largest = [

@@ -45,7 +45,7 @@ from tippedisk_verify.conformance.diagnosis.regression import (
     likelihood,
     with_changes,
 )
-from tippedisk_verify.conformance.diagnosis.relations import Relation, related, where
+from tippedisk_verify.conformance.diagnosis.relations import Relation, condition_phrase, related
 from tippedisk_verify.conformance.diagnosis.step_methods import recognised_method
 from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.terms import Values
@@ -219,7 +219,7 @@ class _LevelwiseDiagnosis:
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
         places = [
-            where(table, base_of(LINEAR, table)["gamma_y"])
+            condition_phrase(table, base_of(LINEAR, table)["gamma_y"])
             for table in tables
             if table.unexplained.any()
         ]

@@ -19,7 +19,7 @@ from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Relation", "related", "where"]
+__all__ = ["Relation", "condition_phrase", "related"]
 
 # The least share of a quantity's wrong answers that a relation to another question must give.
 _COVERED = 0.4
@@ -365,7 +365,7 @@ def _conditions(
             yield f" where {name} {symbol} 0", sign == side
 
 
-def where(table: Table, gamma_y: Array) -> str:
+def condition_phrase(table: Table, gamma_y: Array) -> str:
     """Return the names of the quantities with unexplained answers, and a condition if there is one.
 
     Outside the condition, no answer to these quantities is unexplained. Inside it, most of them

@@ -15,8 +15,8 @@ from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
-from tippedisk_verify.reference_values.table_rows import scale_of, split_name
 
 __all__ = ["EXPLAINED_LAST", "Answered", "Array", "Table", "tables_of"]
 

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesPro
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 
-__all__ = ["FamilyProof", "omega_crit"]
+__all__ = ["FamilyProof", "enclosed_omega_crit"]
 
 _BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
 _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
@@ -112,7 +112,7 @@ class FamilyProof(Proof):
         if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
-        top, bottom = _least(omega_crit(self.parameters)), _least(known)
+        top, bottom = _least(enclosed_omega_crit(self.parameters)), _least(known)
         unit = 10**_DECIMALS
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
@@ -127,7 +127,7 @@ class FamilyProof(Proof):
         claim = certificate_claim(
             "family of limit cycles",
             self.parameters,
-            {"omega_crit": omega_crit(self.parameters)},
+            {"omega_crit": enclosed_omega_crit(self.parameters)},
             amplitude_first=self.pieces[0].high,
             amplitude_end=self.pieces[-1].high,
             omega_end=self.omega_end,
@@ -205,7 +205,7 @@ class FamilyProof(Proof):
             "statement": self.statement,
             "ends": ends,
         }
-        entries["omega_crit"] = omega_crit(self.parameters).to_dict()
+        entries["omega_crit"] = enclosed_omega_crit(self.parameters).to_dict()
         if (
             self.connection is not None
             and self.connection.omega_h is not None
@@ -221,7 +221,7 @@ class FamilyProof(Proof):
         return entries | {"arcs": arcs, "parameters": self.parameters.name}
 
 
-def omega_crit(parameters: Parameters) -> Measured:
+def enclosed_omega_crit(parameters: Parameters) -> Measured:
     """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
     with working_precision(_BITS):
         return ball_to_measured(hopf_balls(ball_constants(parameters))["omega_crit"])

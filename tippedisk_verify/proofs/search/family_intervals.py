@@ -27,7 +27,7 @@ from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.family import FamilyProof, omega_crit
+from tippedisk_verify.proofs.search.family import FamilyProof, enclosed_omega_crit
 
 __all__ = [
     "HOPF_END",
@@ -164,7 +164,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
     They are chosen so that the cycles' amplitudes lie close together at both ends of the family.
     """
-    span = omega_crit(parameters).value - omega_h
+    span = enclosed_omega_crit(parameters).value - omega_h
     for k in range(_KNOWN // 10, _KNOWN - 1):
         left = span * (1 - Fraction(k, _KNOWN) ** 2)
         yield omega_h + left

@@ -59,9 +59,9 @@ __all__ = [
     "Piece",
     "box_test",
     "curve_fault",
+    "enclosed_omega_crit",
     "joined",
     "last_cycle",
-    "omega_crit",
     "sentence",
     "signs",
     "unique_within",
@@ -294,7 +294,7 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     return all(abs(mine - theirs) + near <= room for mine, near, theirs, room in parts)
 
 
-def omega_crit(disk: Mapping[str, str]) -> Any:
+def enclosed_omega_crit(disk: Mapping[str, str]) -> Any:
     """Return a ball that holds the critical speed Omega_crit [rad/s] of a disk, given its exact
     numbers.
     """
@@ -310,7 +310,7 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
     """
     if not pieces:
         return "there are no arcs"
-    off = omega_crit(disk) - ball(pieces[0].at(Fraction(0))[1])
+    off = enclosed_omega_crit(disk) - ball(pieces[0].at(Fraction(0))[1])
     if not (pieces[0].scaled and bool(abs(off) <= ball(pieces[0].within[1]))):
         return "arc 1: it is not shown to begin at the Hopf point"
     for number, (first, second) in enumerate(pairwise(pieces), 2):
@@ -390,7 +390,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
         highest <= Fraction(claim["omega_end"]),
         "claim: omega_end is not shown to lie above the last cycle's speed",
     )
-    require_within_claim(claim["numbers"]["omega_crit"], omega_crit(disk), "omega_crit")
+    require_within_claim(claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit")
     for name, room in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
         require(
             room >= Fraction(claim["unique_within"][name]) > 0,

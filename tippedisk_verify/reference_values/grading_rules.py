@@ -1,5 +1,5 @@
-"""The columns of answer sheets and of values.csv, the digits required at each level, and the scale of
-an error.
+"""The rules of grading: the digits required at each level, the scale of an error, and the columns of
+sheets and of values.csv.
 
 The row holds everything that grading takes from the data, so a program in any language can grade a
 sheet from this one table.
