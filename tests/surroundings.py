@@ -216,7 +216,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Solution.to_dict": lambda: DISK.integrate(
         "30.4", START, 2, variations=("state", "omega")
     ).to_dict(),
-    "limit_cycle Cycle.__call__ Cycle.orbit Cycle.multipliers Cycle.floquet_vectors": lambda: (
+    "shoot_limit_cycle Cycle.__call__ Cycle.orbit Cycle.multipliers Cycle.floquet_vectors": lambda: (
         _asked(
             tv.shoot_limit_cycle(DISK, "30.4", tv.Taylor()),
             *(lambda cycle: cycle, lambda cycle: cycle([0.1, 1.3])),

@@ -77,7 +77,11 @@ def test_two_workers_with_four_threads_give_the_serial_bytes(host: str, tmp_path
 # ------------------------------------------------------------------------------------ what is lost
 @pytest.mark.parametrize(
     ("executor", "number"),
-    [("serial", signal.SIGKILL), ("local", signal.SIGKILL), ("dask", signal.SIGINT)],
+    [
+        ("serial", signal.SIGKILL),
+        pytest.param("local", signal.SIGKILL, marks=pytest.mark.slow),
+        ("dask", signal.SIGINT),
+    ],
 )
 def test_a_second_run_computes_missing_points(
     executor: str, number: int, host: str, sweep: _Sweep, tmp_path: Path

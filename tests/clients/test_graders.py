@@ -191,7 +191,10 @@ def _by_node(names: list[str], folder: Path, table: Path) -> list[str]:
         pytest.param(
             _by_octave,
             id="octave",
-            marks=pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here"),
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.skipif(OCTAVE is None, reason="no GNU Octave here"),
+            ],
         ),
         pytest.param(
             _by_node,

@@ -52,7 +52,7 @@ def test_cycles_close(taylor, distance: str) -> None:
         assert abs(fraction(there) + fraction(here)) <= 100 * grown + moved
 
 
-@pytest.mark.parametrize("above", ["1e-7", "0.01", "0.8"])
+@pytest.mark.parametrize("above", [pytest.param("1e-7", marks=pytest.mark.slow), "0.01", "0.8"])
 def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
     """The reference is the cycle at a speed moved by its half-width, near Omega_h, between, and
     near Omega_crit.

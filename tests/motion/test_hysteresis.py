@@ -74,7 +74,14 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
         assert abs(slope / mpmath.mpf(_FOLD_AMPLITUDE_SLOPE) - 1) < left
 
 
-@pytest.mark.parametrize("beside", [pytest.param("0", marks=pytest.mark.slow), "1e-34", "-1e-34"])
+@pytest.mark.parametrize(
+    "beside",
+    [
+        pytest.param("0", marks=pytest.mark.slow),
+        pytest.param("1e-34", marks=pytest.mark.slow),
+        "-1e-34",
+    ],
+)
 def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(
     taylor: Taylor, beside: str
 ) -> None:

@@ -88,7 +88,8 @@ def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     assert not _slowly(near, z)
 
 
-@pytest.mark.parametrize("side", [-1, pytest.param(1, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("side", [-1, 1])
 def test_an_interval_beside_the_truth_is_not_proved(monkeypatch, side: int) -> None:
     """The interval ends a fiftieth of its length short of Omega_h: as near as that, and still
     no proof.
