@@ -25,6 +25,10 @@ pytestmark = pytest.mark.skipif(
 
 _SAMPLES = tuple(f"0.{n:03d}" for n in range(2, 21, 2))
 _ORBITS = 50  # of a batch
+# What is lost in every orbit shows in every batch: the smallest block, 32 bytes, as 1600. What only
+# settles (caches, and the allocator's blocks, some 16 bytes larger or smaller than before) took up
+# to 3000 bytes in each of the first six batches, and between -400 and 900 in the next six.
+_BATCHES = 16
 _ASKED = {
     "samples and derivatives": {
         "times": _SAMPLES,
@@ -50,7 +54,7 @@ def _taken() -> int:
     return int(found[4] + found[7])
 
 
-@pytest.mark.slow(minutes=0.5)
+@pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("asked", _ASKED)
 def test_orbits_take_no_more(asked: str) -> None:
     engine = Taylor()
@@ -66,9 +70,11 @@ def test_orbits_take_no_more(asked: str) -> None:
         assert engine(request).status is Status.REACHED
 
     batches = []
-    for _ in range(4):  # what is lost in every run shows in each batch; pools settle in the first
+    for _ in range(_BATCHES):
         before = _taken()
         for _ in range(_ORBITS):
             run()
         batches.append(_taken() - before)
-    assert min(batches) <= 4 * _ORBITS  # less than the smallest block there is, an orbit
+        if batches[-1] <= 4 * _ORBITS:  # less than the smallest block there is, an orbit
+            return
+    pytest.fail(f"every batch of {_ORBITS} orbits took bytes: {batches}")
