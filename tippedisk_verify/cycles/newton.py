@@ -132,10 +132,11 @@ def newton(
     """
 
     def at(own_map: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
+        flight = own_map.flight(point, variations=chord is None)
         if chord is None:
-            image = own_map(point)
+            image = own_map.image(point, flight)
         else:
-            image = chord._replace(residual=own_map.residual(own_map.flight(point).state, point))
+            image = chord._replace(residual=own_map.residual(flight.state, point))
         try:
             step = image.newton_step(held, 0 if time is None else time - image.time)
         except ZeroDivisionError:

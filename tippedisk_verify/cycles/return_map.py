@@ -20,7 +20,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Engine, Event, Request, Result, Status
+from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
@@ -145,7 +145,7 @@ class ReturnMap(Generic[C]):
         # zero to the last bit there, heyoka would see no other crossing in its first step. (With
         # the fourth power MPFR's numbers would lose memory.)
         self._edge = precision.number(section.crossing_sign * precision.epsilon**2)
-        self._requests: dict[tuple[Event, ...], Request] = {}
+        self._requests: dict[bool, Request] = {}  # with variations, and without
 
     def within(self, precision: Precision) -> ReturnMap[C]:
         """Return the same return map in another arithmetic."""
@@ -155,20 +155,38 @@ class ReturnMap(Generic[C]):
         """Return the return map of the same disk at another speed [rad/s]."""
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
-    def flight(self, point: Sequence[Any], rounding: int | None = None) -> Result:
+    def flight(
+        self, point: Sequence[Any], rounding: int | None = None, *, variations: bool = False
+    ) -> Result:
         """Fly from a point of the section to the section's next crossing.
 
         Args:
             point: Both coordinates on the section.
             rounding: The pattern by which last bits are moved; None for no move.
+            variations: If True, solve the variational equations, for `image`.
 
         Returns:
-            The flight, with the section's `recorded` events and the integral of the divergence.
+            The flight. Without variations it has the section's `recorded` events and the integral
+            of the divergence.
 
         Raises:
             NoSuchCycleError: If the orbit does not come back to the section.
         """
-        return self._run(point, rounding, self.section.recorded, divergence=True)
+        section, state = self.section, self._state(point)
+        if variations not in self._requests:
+            recorded = () if variations else section.recorded
+            needs = {"variations": VARIATIONS} if variations else {"divergence": True}
+            self._requests[variations] = self._request(
+                state, events=(section.end_event, *recorded), **needs
+            )
+        if not section.possible(float(point[0]), float(point[1])):
+            raise NoSuchCycleError(section.impossible)
+        result = self.engine(self._requests[variations].starting_at(state, rounding))
+        if result.status is not Status.EVENT:
+            raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
+        if abs(float(result.state[section.fixed] - self._growth)) > _MAX_SECTION_MISS:
+            raise NoSuchCycleError(section.no_return)
+        return result
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
         """Return the image of a point under the return map, with derivatives by the variational
@@ -181,8 +199,16 @@ class ReturnMap(Generic[C]):
         Raises:
             NoSuchCycleError: If the orbit does not come back to the section.
         """
-        result = self._run(point, rounding, (), variations=VARIATIONS)
-        rows, end = result.derivatives, result.state
+        return self.image(point, self.flight(point, rounding, variations=True))
+
+    def image(self, point: Sequence[Any], flight: Result) -> Image:
+        """Return the image of a point under the return map, with derivatives.
+
+        Args:
+            point: Both coordinates on the section.
+            flight: The `flight` from this point, with variations.
+        """
+        rows, end = flight.derivatives, flight.state
         # Python's own floats: arithmetic on numpy's scalars takes longer
         if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()
@@ -202,7 +228,7 @@ class ReturnMap(Generic[C]):
         )
         a, b = free
         return Image(
-            time=result.time,
+            time=flight.time,
             residual=self.residual(end, point),
             matrix=((first[a], first[b]), (second[a], second[b])),
             by_omega=(first[3], second[3]),
@@ -296,23 +322,6 @@ class ReturnMap(Generic[C]):
             domain="none",
             **needs,
         )
-
-    def _run(
-        self, point: Sequence[Any], rounding: int | None, events: tuple[Event, ...], **needs: Any
-    ) -> Result:
-        section, state = self.section, self._state(point)
-        if events not in self._requests:
-            self._requests[events] = self._request(
-                state, events=(section.end_event, *events), **needs
-            )
-        if not section.possible(float(point[0]), float(point[1])):
-            raise NoSuchCycleError(section.impossible)
-        result = self.engine(self._requests[events].starting_at(state, rounding))
-        if result.status is not Status.EVENT:
-            raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
-        if abs(float(result.state[section.fixed] - self._growth)) > _MAX_SECTION_MISS:
-            raise NoSuchCycleError(section.no_return)
-        return result
 
 
 def _cross(p: Sequence[Any], q: Sequence[Any]) -> tuple[Any, Any, Any]:
