@@ -1,4 +1,6 @@
-"""The basins of attraction in a plane of states, and the curves that separate them."""
+"""The picture of the basins of attraction in a plane of states, with its colours, and the curves that
+separate them. `motion.basins` has the grid of starts.
+"""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""The reference values in values.csv, by id. This module imports nothing heavy.
+"""The reference values in values.csv, by id, and the quantities in quantities.csv. This module
+imports nothing heavy.
 
+`quantity_definitions` reads the name, unit and definition of each quantity that is asked.
 Every file is compared with its hash in the manifest before it is read, once in a process.
 """
 

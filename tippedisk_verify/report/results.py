@@ -1,4 +1,6 @@
-"""The JSON object of the main job: claims, figures, parameters and provenance."""
+"""The JSON object of the main job: claims, figures, parameters and provenance; and the words that
+the report and the terminal use for a verdict.
+"""
 
 from __future__ import annotations
 

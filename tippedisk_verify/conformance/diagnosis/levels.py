@@ -1,7 +1,9 @@
 """Levels 1 to 5: the definitions of the quantities, and the values that they give for a table.
 
 A *problem* has the answers to one quantity, and an identity that is linear in the terms of the
-quantity's definition. `regression` searches for changes by such identities.
+quantity's definition. `regression` searches for changes by such identities. `PREDICTED` has the
+formulas by which a program with known mistakes would answer. An answer that one of them gives counts
+as explained.
 """
 
 from __future__ import annotations
