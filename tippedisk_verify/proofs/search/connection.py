@@ -88,7 +88,9 @@ _MAX_DOUBLINGS = 12  # doublings of a guessed weight before it is given up
 #: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
 #: unique.
 _BOX_EXTENTS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
-_MIN_DIGITS = 4  # an interval for fewer digits is too wide to be followed past a saddle
+# An interval for fewer digits is too wide to be followed past a saddle. A law with two sides takes
+# one digit more, because an orbit's enclosure widens at each sliding reversal.
+_MIN_DIGITS = 4
 
 
 class ConnectionStatus(Enum):
@@ -235,7 +237,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     """Prove that the heteroclinic connection exists at a speed Omega_h in an interval about
     ``near`` [rad/s], of absolute and relative length up to 10^-digits.
 
-    ``near`` (an exact number) must be correct to two digits more, and to at least six. Raises
+    ``near`` (an exact number) must be correct to two digits more, and to at least seven. Raises
     InputError for digits or speeds out of range, NoConnectionError if the equilibrium is not a
     saddle with real eigenvalues.
     """
@@ -247,7 +249,8 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
             f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}"
         )
     # Decimal ends, so that the printed interval is exactly the proved one.
-    decimals = max(digits, _MIN_DIGITS) + max(0, -decimal_magnitude(given.rational))
+    least = _MIN_DIGITS + parameters.law.two_sided
+    decimals = max(digits, least) + max(0, -decimal_magnitude(given.rational))
     middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
     bits = (
         math.ceil(-math.log2(half_width))
