@@ -276,15 +276,32 @@ class Disk(Parameters):
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
-        from tippedisk_verify.motion.integration import integrated
+        from tippedisk_verify.motion.integration import Motion
 
         if unknown:
             raise UnknownKeywordError(
                 f"integrate has no {', '.join(unknown)}: `digits` or `rtol` sets the accuracy, `engine`"
                 " the integrator, such as Baseline('DOP853'), and the solution sol(t) the dense output"
             )
-        how = (self._engine(engine), variations, shifted, max_steps, progress, half_widths, rtol)
-        return integrated(self, omega, state, time, t_eval, digits, events, *how)
+        motion = Motion(
+            self,
+            omega,
+            state,
+            time,
+            self._engine(engine),
+            t_eval=t_eval,
+            digits=digits,
+            rtol=rtol,
+            events=events,
+            variations=variations,
+            shifted=shifted,
+            max_steps=max_steps,
+            half_widths=half_widths,
+        )
+        with progress_of(progress=progress if motion.is_long else False) as advance:
+            advance("motion", 0)
+            result = motion.engine(motion.request)
+        return motion.solution(result)
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
         """Return the equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and the like.

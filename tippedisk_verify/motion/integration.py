@@ -1,5 +1,5 @@
-"""The request of `Disk.integrate`, with its defaults and named events; and the solution from its
-result, with notes on units and half-widths.
+"""The motion that `Disk.integrate` computes: the request to an engine, with its defaults and named
+events, and the solution from the engine's result, with notes on units and half-widths.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
+    Precision,
     bits,
     bits_for_digits,
     checked_digits,
@@ -42,9 +43,8 @@ from tippedisk_verify.model.precision import (
 )
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
-from tippedisk_verify.progress import progress_of
 
-__all__ = ["EVENTS", "integrated"]
+__all__ = ["EVENTS", "Motion"]
 
 _SAMPLES = 201  # the number of times if none are given
 _MIN_DURATION = 1e-300  # s; in longer runs, even times differ as extended numbers
@@ -62,73 +62,176 @@ EVENTS = {
 }
 
 
-def integrated(
-    parameters: Parameters,
-    omega: object,
-    state: Sequence[object],
-    time: object,
-    t_eval: Any,
-    digits: int,
-    events: Event | str | Sequence[Event | str],
-    engine: Engine,
-    variations: str | Sequence[str] = (),
-    shifted: bool = False,
-    max_steps: int = MAX_STEPS,
-    progress: bool | None = None,
-    half_widths: bool = True,
-    rtol: object = None,
-) -> Solution:
-    """Integrate a motion; see `Disk.integrate`, which defines the arguments."""
-    if rtol is not None and checked_digits(digits) > PLAIN_DIGITS:
-        raise InputError("rtol is the tolerance of doubles: give either rtol or digits")
-    start, end = span_of(time)
-    measured = half_widths and engine.measures_error
-    corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
-    precision = DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
-    asked: Sequence[Exact] | None = None
-    times: Any = None
-    if t_eval is not None:
-        asked, times = since_start(start, end, entries(t_eval))
-    elif length := float(end - start):
-        asked = EvenTimes(start, end, _SAMPLES)
-        extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
-        quick = corrected and extended and abs(length) > _MIN_DURATION
-        times = EvenTimes(exact(0), end - start, _SAMPLES)
-        if quick:
-            times = _rounded_even_times(end - start)
-        elif precision == DOUBLE and not measured:
-            times = times.rounded(DOUBLE)
-    variables = [variable for name in _several(variations) for variable in _named(name, _VARIABLES)]
-    slopes = by_constants(parameters) if variables else {}
-    request = Request(
-        parameters,
-        omega,
-        state,
-        end - start,
-        shifted=shifted,
-        precision=precision,
-        tolerance=None if rtol is None else float(exact(rtol)),
-        times=times,
-        variations=tuple(
-            dict.fromkeys(constant for variable in variables for constant in slopes[variable])
-        ),
-        events=tuple(
-            event if isinstance(event, Event) else _named(event, EVENTS)
-            for event in _several(events)
-        ),
-        error_estimate=measured,
-        digits=digits if corrected else PLAIN_DIGITS,
-        max_steps=max_steps,
-    )
-    with progress_of(
-        progress=progress if abs(float(end - start)) > _LONG_DURATION else False
-    ) as advance:
-        advance("motion", 0)
-        result = engine(request)
-    if result.status is Status.FLAT and not result.time:
-        angle = float(exact(state[0])) + math.pi / 2 * shifted
-        raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g}")
-    return _solution(request, result, engine, start, end, asked, variables)
+class Motion:
+    """A motion to integrate: the request to an engine, and how its result becomes a `Solution`.
+
+    `Disk.integrate` defines the arguments.
+
+    Raises:
+        InputError: If an argument cannot be used.
+    """
+
+    def __init__(
+        self,
+        parameters: Parameters,
+        omega: object,
+        state: Sequence[object],
+        time: object,
+        engine: Engine,
+        *,
+        t_eval: Any = None,
+        digits: int = 12,
+        rtol: object = None,
+        events: Event | str | Sequence[Event | str] = (),
+        variations: str | Sequence[str] = (),
+        shifted: bool = False,
+        max_steps: int = MAX_STEPS,
+        half_widths: bool = True,
+    ) -> None:
+        if rtol is not None and checked_digits(digits) > PLAIN_DIGITS:
+            raise InputError("rtol is the tolerance of doubles: give either rtol or digits")
+        self.engine = engine
+        self._start, self._end = start, end = span_of(time)
+        measured = half_widths and engine.measures_error
+        corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
+        precision = (
+            DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
+        )
+        times: Any = None
+        self._times: Any = None  # exact, from time 0
+        if t_eval is not None:
+            self._times, times = since_start(start, end, entries(t_eval))
+        elif length := float(end - start):
+            self._times = EvenTimes(start, end, _SAMPLES)
+            extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
+            quick = corrected and extended and abs(length) > _MIN_DURATION
+            times = EvenTimes(exact(0), end - start, _SAMPLES)
+            if quick:
+                times = _rounded_even_times(end - start)
+            elif precision == DOUBLE and not measured:
+                times = times.rounded(DOUBLE)
+        self._variables = [
+            variable for name in _several(variations) for variable in _named(name, _VARIABLES)
+        ]
+        slopes = by_constants(parameters) if self._variables else {}
+        self.request = Request(
+            parameters,
+            omega,
+            state,
+            end - start,
+            shifted=shifted,
+            precision=precision,
+            tolerance=None if rtol is None else float(exact(rtol)),
+            times=times,
+            variations=tuple(
+                dict.fromkeys(
+                    constant for variable in self._variables for constant in slopes[variable]
+                )
+            ),
+            events=tuple(
+                event if isinstance(event, Event) else _named(event, EVENTS)
+                for event in _several(events)
+            ),
+            error_estimate=measured,
+            digits=digits if corrected else PLAIN_DIGITS,
+            max_steps=max_steps,
+        )
+
+    @property
+    def is_long(self) -> bool:
+        """True if the motion may take long enough for progress to be shown."""
+        return abs(float(self._end - self._start)) > _LONG_DURATION
+
+    def solution(self, result: Result) -> Solution:
+        """Convert the engine's result to a `Solution`: samples that were reached, events, end and
+        derivatives.
+
+        Raises:
+            InputError: If the disk does not stand at the start.
+        """
+        request = self.request
+        if result.status is Status.FLAT and not result.time:
+            angle = float(exact(request.state[0])) + math.pi / 2 * request.shifted
+            raise InputError(f"beta lies between 0 and pi, where the disk stands, not at {angle:g}")
+        precision = result.precision or request.precision
+        error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
+        events = result.events
+        if error.events:
+            estimated = zip(events, error.events, error.event_states, strict=True)
+            events = tuple(
+                replace(record, time_uncertainty=time, uncertainty=state)
+                for record, time, state in estimated
+            )
+        end = self._since_zero(
+            EventRecord(
+                result.status.name.lower(), result.time, result.state, error.time, error.state
+            ),
+            precision,
+        )
+        if result.status is Status.REACHED:
+            rounded = precision.number(self._end)
+            end = replace(end, time=rounded, time_uncertainty=2 * abs(float(self._end - rounded)))
+        if result.samples is None:
+            asked: Any = [self._end if result.status is Status.REACHED else exact(end.time)]
+            times = precision.array([end.time])
+            samples, uncertainty = result.state[None], error.state[None]
+        else:
+            asked, samples = self._times, result.samples
+            if len(samples) < len(asked):
+                asked = asked[: len(samples)]
+            times = (
+                asked.rounded(precision)
+                if isinstance(asked, EvenTimes)
+                else precision.sequence(asked)
+            )
+            uncertainty = (
+                numpy.full(samples.shape, numpy.inf) if error.samples is None else error.samples
+            )
+        by = _derivatives(request, result, self._variables)
+        start_columns = [by[name] for name in STATE_VARIATIONS if name in by]
+        transition, transition_widths = (
+            numpy.column_stack(columns) if start_columns else None
+            for columns in (
+                [slope.end for slope in start_columns],
+                [slope.end_uncertainty for slope in start_columns],
+            )
+        )
+        by_omega, by_omega_widths, *_ = by.get("omega", (None, None))
+        return Solution(
+            disk=request.parameters,
+            omega=request.omega,
+            t=numpy_safe(times),
+            y=numpy_safe(samples.T),
+            uncertainty=half_widths(uncertainty.T),
+            status=result.status,
+            end=end,
+            events=tuple(self._since_zero(record, precision) for record in events),
+            transition=transition,
+            transition_uncertainty=transition_widths,
+            by_omega=by_omega,
+            by_omega_uncertainty=by_omega_widths,
+            by=by,
+            engine=self.engine.name,
+            precision=precision.name,
+            times=asked,
+            note=_note(request),
+            _watched=tuple(event.name for event in request.events),
+            _start=self._start,
+            _final=self._end,
+            _request=request,
+            _engine=self.engine,
+        )
+
+    def _since_zero(self, record: EventRecord, precision: Precision) -> EventRecord:
+        """Return a copy of an event's record, with its time counted from time 0 in place of the
+        start.
+        """
+        record = replace(record, state=numpy_safe(record.state))
+        if self._start == exact(0):
+            return record
+        time = precision.number(self._start + record.time)
+        rounding = float(abs(time)) * float(precision.epsilon)
+        return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
 
 
 def _rounded_even_times(length: Exact) -> Any:
@@ -161,102 +264,6 @@ def _named(name: object, names: dict[str, Any]) -> Any:
     if not isinstance(name, str) or name not in names:
         raise InputError(f"{shown(name)} is not one of {', '.join(names)}")
     return names[name]
-
-
-def _solution(
-    request: Request,
-    result: Result,
-    engine: Engine,
-    start: Exact,
-    end: Exact,
-    asked: Any,
-    variables: Sequence[str],
-) -> Solution:
-    """Convert an engine's result to a `Solution`: samples that were reached, events, end and
-    derivatives.
-    """
-    precision = result.precision or request.precision
-    error = result.error or ErrorEstimate(state=numpy.full(3, numpy.inf), time=numpy.inf)
-
-    def widths(estimated: Any, values: Any) -> Any:
-        return (
-            numpy.full(numpy.shape(values), numpy.inf)
-            if estimated is None
-            else half_widths(estimated)
-        )
-
-    def moment(record: EventRecord) -> EventRecord:
-        """Return a copy of an event's record, with its time counted from time 0 in place of the
-        start.
-        """
-        record = replace(record, state=numpy_safe(record.state))
-        if start == exact(0):
-            return record
-        time = precision.number(start + record.time)
-        rounding = float(abs(time)) * float(precision.epsilon)
-        return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
-
-    events = result.events
-    if error.events:
-        estimated = zip(events, error.events, error.event_states, strict=True)
-        events = tuple(
-            replace(record, time_uncertainty=time, uncertainty=state)
-            for record, time, state in estimated
-        )
-    last = moment(
-        EventRecord(result.status.name.lower(), result.time, result.state, error.time, error.state)
-    )
-    if result.status is Status.REACHED:
-        rounded = precision.number(end)
-        last = replace(last, time=rounded, time_uncertainty=2 * abs(float(end - rounded)))
-    if result.samples is None:
-        times, samples, uncertainty = (
-            precision.array([last.time]),
-            result.state[None],
-            error.state[None],
-        )
-        asked = [end if result.status is Status.REACHED else exact(last.time)]
-    else:
-        samples, uncertainty = result.samples, widths(error.samples, result.samples)
-        if len(samples) < len(asked):
-            asked = asked[: len(samples)]
-        times = (
-            asked.rounded(precision) if isinstance(asked, EvenTimes) else precision.sequence(asked)
-        )
-    by = _derivatives(request, result, variables)
-    start_columns = [by[name] for name in STATE_VARIATIONS if name in by]
-    transition, transition_widths = (
-        numpy.column_stack(columns) if start_columns else None
-        for columns in (
-            [slope.end for slope in start_columns],
-            [slope.end_uncertainty for slope in start_columns],
-        )
-    )
-    by_omega, by_omega_widths, *_ = by.get("omega", (None, None))
-    return Solution(
-        disk=request.parameters,
-        omega=request.omega,
-        t=numpy_safe(times),
-        y=numpy_safe(samples.T),
-        uncertainty=half_widths(uncertainty.T),
-        status=result.status,
-        end=last,
-        events=tuple(map(moment, events)),
-        transition=transition,
-        transition_uncertainty=transition_widths,
-        by_omega=by_omega,
-        by_omega_uncertainty=by_omega_widths,
-        by=by,
-        engine=engine.name,
-        precision=precision.name,
-        times=asked,
-        note=_note(request),
-        _watched=tuple(event.name for event in request.events),
-        _start=start,
-        _final=end,
-        _request=request,
-        _engine=engine,
-    )
 
 
 def _derivatives(

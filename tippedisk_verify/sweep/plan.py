@@ -25,7 +25,7 @@ from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.motion.integration import integrated
+from tippedisk_verify.motion.integration import Motion
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
@@ -76,17 +76,19 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -
         point.get("duration", "10"),
     )
     omega = _speed(parameters, point, digits).value
-    motion = integrated(
-        parameters, omega, state, duration, [duration], digits, (), default_engine()
+    motion = Motion(
+        parameters, omega, state, duration, default_engine(), t_eval=[duration], digits=digits
     )
-    if not motion.success:
-        raise AccuracyError(motion.status.value)
-    if not max(map(float, motion.end.uncertainty)) < float("inf"):
+    solution = motion.solution(motion.engine(motion.request))
+    if not solution.success:
+        raise AccuracyError(solution.status.value)
+    end = solution.end
+    if not max(map(float, end.uncertainty)) < float("inf"):
         raise AccuracyError("rounding decides how this orbit ends: ask for more digits")
-    ends = zip(_START, motion.end.state, motion.end.uncertainty, strict=True)
+    ends = zip(_START, end.state, end.uncertainty, strict=True)
     numbers = {f"final_{name}": Measured.of(value, width) for name, value, width in ends}
-    time = Measured.of(motion.end.time, motion.end.time_uncertainty)
-    return {"ended": motion.status.name, "time": time, **numbers}
+    time = Measured.of(end.time, end.time_uncertainty)
+    return {"ended": solution.status.name, "time": time, **numbers}
 
 
 def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Measured:
