@@ -186,8 +186,8 @@ def hopf(common: DiskOptions) -> Any:
     type=int,
     required=True,
     metavar="N",
-    help="The highest order in epsilon, 0 to 40. Order 8 takes about ten seconds, 12 half a "
-    "minute.",
+    help="The highest order in epsilon, 0 to 40. Order 12 takes some three seconds, 20 twenty and 30 "
+    "two minutes.",
 )
 @click.option(
     "--omega",
