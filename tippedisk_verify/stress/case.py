@@ -16,6 +16,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.precision import Precision, bits
 
 __all__ = [
+    "TRUTH",
     "CaseOutcome",
     "StressCase",
     "StressResult",
@@ -26,7 +27,7 @@ __all__ = [
     "refused",
 ]
 
-_TRUTH = bits(200)  # 60 digits, the precision of the true solution
+TRUTH = bits(200)  # 60 digits, the precision of the true solution
 _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
@@ -53,10 +54,9 @@ class StressCase:
 
     def expected(self) -> str:
         """Return the outcome that a stress case must have, in words."""
-        texts = [
-            f"{self.least:g} digits or more" if name == "digits" else name for name in self.may
-        ]
-        return " or ".join(texts)
+        return " or ".join(
+            [f"{self.least:g} digits or more" if name == "digits" else name for name in self.may]
+        )
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def _log10(ratio: Fraction) -> float:
     return (math.log2(top) - math.log2(bottom)) / math.log2(10)
 
 
-def flown(request: Request, truth: Precision = _TRUTH, engine: Engine | None = None) -> CaseOutcome:
+def flown(request: Request, truth: Precision = TRUTH, engine: Engine | None = None) -> CaseOutcome:
     """Run an integration in double precision and in a higher precision, and compare. Return the
     outcome: the correct digits, and if the half-widths are honest.
 
@@ -167,12 +167,13 @@ def compared_outcome(mine: Result, sharp: Result) -> CaseOutcome:
         for rows in zip(mine.samples, sharp.samples, error.samples, strict=True):
             pairs += list(zip(*rows, strict=True))
     scale = max(1.0, *(abs(float(part)) for part in sharp.state))
-    honest = all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in pairs)
     times = [(mine.time, sharp.time, error.time)] if mine.status is not Status.REACHED else []
     times += [
         (a.time, b.time, w) for a, b, w in zip(mine.events, sharp.events, error.events, strict=True)
     ]
-    honest &= all(abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in times)
+    honest = all(
+        abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in pairs + times
+    )
     digits = min(double_digits_between(a, b, scale) for a, b, _ in pairs)
     claimed = max(float(width) for *_, width in pairs) / scale
     if claimed > 0.1:  # not one decimal digit is certain

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from fractions import Fraction
-from typing import Any
+from functools import partial
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
@@ -31,27 +30,20 @@ def _below_hopf(distance: str) -> Fraction:
     return Fraction(omega_crit(PRINTED, 60).decimals()[0]) - exact(distance).rational
 
 
-def _near_hopf(distance: str) -> Callable[[], CaseOutcome]:
-    def run() -> CaseOutcome:
-        speed = _below_hopf(distance)
-        mine, sharp = (
-            shoot_limit_cycle(PRINTED, speed, default_engine(), digits=digits)
-            for digits in (12, 40)
-        )
-        return cycle_digits(mine, sharp, _MAIN_NUMBERS)
-
-    return run
+def _near_hopf(distance: str) -> CaseOutcome:
+    speed = _below_hopf(distance)
+    mine, sharp = (
+        shoot_limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
+    )
+    return cycle_digits(mine, sharp, _MAIN_NUMBERS)
 
 
-def _near_omega_h(distance: str) -> Callable[[], CaseOutcome]:
-    def run() -> CaseOutcome:
-        mine, sharp = (
-            cycle_above_omega_h(PRINTED, exact(distance).rational, default_engine(), digits=digits)
-            for digits in (12, 25)
-        )
-        return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
-
-    return run
+def _near_omega_h(distance: str) -> CaseOutcome:
+    mine, sharp = (
+        cycle_above_omega_h(PRINTED, exact(distance).rational, default_engine(), digits=digits)
+        for digits in (12, 25)
+    )
+    return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
 
 
 def _omega_h_by_two_methods() -> CaseOutcome:
@@ -144,88 +136,83 @@ def _subcritical_connection() -> CaseOutcome:
     return CaseOutcome(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
 
 
-def _cases() -> list[Any]:
-    may = ("digits", "NoSuchCycleError", "AccuracyError")
-    return [
-        *(
-            StressCase(
-                f"Hopf - {text}",
-                "the cycle this close below Omega_crit [rad/s]",
-                _near_hopf(text),
-                11,
-            )
-            for text in ("1e-3", "1e-6")
-        ),
-        *(
-            StressCase(
-                f"Hopf - {text}",
-                "amplitude about its square root; Newton's matrix nearly singular",
-                _near_hopf(text),
-                11,
-                may,
-                quick=False,
-            )
-            for text in ("1e-10", "1e-14")
-        ),
-        *(
-            StressCase(
-                f"Omega_h + {text}",
-                "the cycle this close above Omega_h [rad/s]",
-                _near_omega_h(text),
-                11,
-                quick=text == "1e-6",
-            )
-            for text in ("1e-6", "1e-12", "1e-30")
-        ),
+CASES: tuple[StressCase, ...] = (
+    *(
         StressCase(
-            "Omega_h in double",
-            "bisection in double against 40 digits",
-            _omega_h_by_two_methods,
-            14,
-        ),
-        StressCase(
-            "an ulp above Omega_h",
-            "the next double: its distance is known only if Omega_h is known beyond double",
-            _one_ulp_above,
+            f"Hopf - {text}",
+            "the cycle this close below Omega_crit [rad/s]",
+            partial(_near_hopf, text),
             11,
-            quick=False,
-        ),
+        )
+        for text in ("1e-3", "1e-6")
+    ),
+    *(
         StressCase(
-            "an ulp below Omega_h",
-            "no cycle exists: the request must be refused",
-            _one_ulp_below,
-            0,
-            ("NoSuchCycleError", "AccuracyError"),
-            quick=False,
-        ),
-        StressCase(
-            "multipliers that underflow",
-            "epsilon = 1e-3: logarithms with all their digits",
-            _underflow,
+            f"Hopf - {text}",
+            "amplitude about its square root; Newton's matrix nearly singular",
+            partial(_near_hopf, text),
             11,
+            ("digits", "NoSuchCycleError", "AccuracyError"),
             quick=False,
-        ),
+        )
+        for text in ("1e-10", "1e-14")
+    ),
+    *(
         StressCase(
-            "subcritical, below",
-            "a disk whose cycles are born above Omega_crit: beyond their fold",
-            _beyond_the_fold,
+            f"Omega_h + {text}",
+            "the cycle this close above Omega_h [rad/s]",
+            partial(_near_omega_h, text),
             11,
-        ),
-        StressCase(
-            "above Omega_crit",
-            "no cycle of the printed disk",
-            _no_cycle_above,
-            0,
-            ("NoSuchCycleError",),
-        ),
-        StressCase(
-            "connection of a subcritical disk",
-            "a connection exists for such a disk too",
-            _subcritical_connection,
-            11,
-            quick=False,
-        ),
-    ]
-
-
-CASES: tuple[StressCase, ...] = tuple(_cases())
+            quick=text == "1e-6",
+        )
+        for text in ("1e-6", "1e-12", "1e-30")
+    ),
+    StressCase(
+        "Omega_h in double",
+        "bisection in double against 40 digits",
+        _omega_h_by_two_methods,
+        14,
+    ),
+    StressCase(
+        "an ulp above Omega_h",
+        "the next double: its distance is known only if Omega_h is known beyond double",
+        _one_ulp_above,
+        11,
+        quick=False,
+    ),
+    StressCase(
+        "an ulp below Omega_h",
+        "no cycle exists: the request must be refused",
+        _one_ulp_below,
+        0,
+        ("NoSuchCycleError", "AccuracyError"),
+        quick=False,
+    ),
+    StressCase(
+        "multipliers that underflow",
+        "epsilon = 1e-3: logarithms with all their digits",
+        _underflow,
+        11,
+        quick=False,
+    ),
+    StressCase(
+        "subcritical, below",
+        "a disk whose cycles are born above Omega_crit: beyond their fold",
+        _beyond_the_fold,
+        11,
+    ),
+    StressCase(
+        "above Omega_crit",
+        "no cycle of the printed disk",
+        _no_cycle_above,
+        0,
+        ("NoSuchCycleError",),
+    ),
+    StressCase(
+        "connection of a subcritical disk",
+        "a connection exists for such a disk too",
+        _subcritical_connection,
+        11,
+        quick=False,
+    ),
+)

@@ -17,8 +17,14 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import QUADRUPLE, bits
-from tippedisk_verify.stress.case import CaseOutcome, StressCase, double_digits_between, flown
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.stress.case import (
+    TRUTH,
+    CaseOutcome,
+    StressCase,
+    double_digits_between,
+    flown,
+)
 
 __all__ = ["CASES"]
 
@@ -34,14 +40,17 @@ def _run(
     parameters: Parameters = PRINTED,
     start: Any = _START,
     omega: Any = _OMEGA,
+    truth: Precision = TRUTH,
     **more: Any,
 ) -> Any:
     """Return the action of a stress case: an integration in double precision, compared with 60
     digits or ``truth``.
     """
-    engine_options = {name: more.pop(name) for name in ("truth",) if name in more}
-    request = Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more})
-    return partial(flown, request, **engine_options)
+    return partial(
+        flown,
+        Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more}),
+        truth,
+    )
 
 
 def _parameters(**values: object) -> Callable[[], Parameters]:
@@ -71,35 +80,43 @@ def _thin_ring(share: str) -> Callable[[], Parameters]:
 
 
 def _friction_cases() -> list[StressCase]:
-    cases = []
     # At epsilon = 0.1 a tenth of a second is 13 decay times; at 1e-6, 0.001 s is about 1e4.
-    for text, duration in (
-        ("1e-6", "0.001"),
-        ("1e-5", "0.01"),
-        ("1e-4", "0.1"),
-        ("1e-3", "0.5"),
-        ("0.01", "1"),
-        ("1", "1"),
-        ("10", "1"),
-    ):
-        sharp = {"truth": QUADRUPLE} if text in ("1e-6", "1e-5", "1e-4") else {}
-        for friction in ("linear", "smooth"):
-            run = _deferred(
-                duration, _parameters(epsilon=text, friction=friction), domain="none", **sharp
+    durations = (
+        ("1e-6", "0.001", QUADRUPLE),
+        ("1e-5", "0.01", QUADRUPLE),
+        ("1e-4", "0.1", QUADRUPLE),
+        ("1e-3", "0.5", TRUTH),
+        ("0.01", "1", TRUTH),
+        ("1", "1", TRUTH),
+        ("10", "1", TRUTH),
+    )
+    return [
+        *(
+            StressCase(
+                f"epsilon {text}, {friction}",
+                f"{duration} s with epsilon = {text} m/s",
+                _deferred(
+                    duration,
+                    _parameters(epsilon=text, friction=friction),
+                    domain="none",
+                    truth=truth,
+                ),
+                9,
+                quick=truth is TRUTH,
             )
-            cases.append(
-                StressCase(
-                    f"epsilon {text}, {friction}",
-                    f"{duration} s with epsilon = {text} m/s",
-                    run,
-                    9,
-                    quick=not sharp,
-                )
+            for text, duration, truth in durations
+            for friction in ("linear", "smooth")
+        ),
+        *(
+            StressCase(
+                f"mu {text}",
+                f"0.5 s with mu = {text}",
+                _deferred("0.5", _parameters(mu=text), domain="none"),
+                10,
             )
-    for text in ("1e-6", "10"):
-        run = _deferred("0.5", _parameters(mu=text), domain="none")
-        cases.append(StressCase(f"mu {text}", f"0.5 s with mu = {text}", run, 10))
-    return cases
+            for text in ("1e-6", "10")
+        ),
+    ]
 
 
 def _shape_cases() -> list[StressCase]:
@@ -120,19 +137,26 @@ def _shape_cases() -> list[StressCase]:
 
 
 def _speed_cases() -> list[StressCase]:
-    cases = [
-        StressCase(
-            f"Omega {omega}",
-            f"{duration} s at Omega = {omega} rad/s",
-            _run(duration, omega=omega, domain="none"),
-            8,
-        )
-        for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
+    return [
+        *(
+            StressCase(
+                f"Omega {omega}",
+                f"{duration} s at Omega = {omega} rad/s",
+                _run(duration, omega=omega, domain="none"),
+                8,
+            )
+            for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
+        ),
+        *(
+            StressCase(
+                f"v {v}",
+                f"{duration} s from v = {v} rad/s",
+                _run(duration, start=("1.4", "1.9", v), domain="none"),
+                9,
+            )
+            for v, duration in (("1e3", "0.01"), ("1e6", "1e-5"), ("-1e6", "1e-5"))
+        ),
     ]
-    for v, duration in (("1e3", "0.01"), ("1e6", "1e-5"), ("-1e6", "1e-5")):
-        run = _run(duration, start=("1.4", "1.9", v), domain="none")
-        cases.append(StressCase(f"v {v}", f"{duration} s from v = {v} rad/s", run, 9))
-    return cases
 
 
 def _start_cases() -> list[StressCase]:
@@ -194,8 +218,12 @@ def _stable_manifold() -> CaseOutcome:
     The speed is the double that bisection finds for Omega_h.
     """
     omega = bisect_omega_h(PRINTED, default_engine()).omega_h.value
-    start = (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0)
-    return flown(Request(PRINTED, omega, start, "12", domain="none"), bits(400))
+    return flown(
+        Request(
+            PRINTED, omega, (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0), "12", domain="none"
+        ),
+        bits(400),
+    )
 
 
 def _backward_cases() -> list[StressCase]:
@@ -208,30 +236,34 @@ def _backward_cases() -> list[StressCase]:
 
     def back(duration: str) -> CaseOutcome:
         cycle = shoot_limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
-        start = (0.0, float(cycle.gamma_bar_0), float(cycle.v_0))
         return flown(
-            Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=5000)
-        )
-
-    cases = []
-    for duration, least in (
-        ("-0.05", 12.0),
-        ("-0.1", 8.0),
-        ("-0.2", 5.0),
-        ("-0.3", 2.0),
-        ("-0.5", 0.0),
-    ):
-        outcomes = ("digits",) if least else (*_DIGITS_MAY_BE_LOST, *_STOPPED_EARLY)
-        cases.append(
-            StressCase(
-                f"backward {duration} s",
-                "backward from the cycle",
-                partial(back, duration),
-                least,
-                outcomes,
+            Request(
+                PRINTED,
+                _OMEGA,
+                (0.0, float(cycle.gamma_bar_0), float(cycle.v_0)),
+                duration,
+                shifted=True,
+                domain="none",
+                max_steps=5000,
             )
         )
-    return cases
+
+    return [
+        StressCase(
+            f"backward {duration} s",
+            "backward from the cycle",
+            partial(back, duration),
+            least,
+            ("digits",) if least else (*_DIGITS_MAY_BE_LOST, *_STOPPED_EARLY),
+        )
+        for duration, least in (
+            ("-0.05", 12.0),
+            ("-0.1", 8.0),
+            ("-0.2", 5.0),
+            ("-0.3", 2.0),
+            ("-0.5", 0.0),
+        )
+    ]
 
 
 def _crossing(level: float) -> Event:
@@ -255,8 +287,16 @@ def _event_cases() -> list[StressCase]:
 
     def below(ulps: float) -> CaseOutcome:
         _, top = peak()
-        level = _crossing(top - ulps * 2.0**-53)
-        return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(level,), domain="none"))
+        return flown(
+            Request(
+                PRINTED,
+                _OMEGA,
+                _START,
+                "0.5",
+                events=(_crossing(top - ulps * 2.0**-53),),
+                domain="none",
+            )
+        )
 
     def pair() -> CaseOutcome:
         first, second = _crossing(1.45), _crossing(1.45 + 2.0**-52)
@@ -303,27 +343,30 @@ def _tolerance_cases() -> list[StressCase]:
     """Return stress cases that integrate at several tolerances; the error estimate must hold at
     each.
     """
-    cases = []
-    for tolerance, least in (
-        (0.1, 0.5),
-        (1e-3, 2.0),
-        (1e-6, 5.0),
-        (1e-9, 8.0),
-        (1e-13, 12.0),
-        (2.0**-53, 12.0),
-    ):
-        run = _run("1", tolerance=tolerance, domain="none")
-        cases.append(StressCase(f"tolerance {tolerance:.1e}", "1 s at this tolerance", run, least))
-    below = _run("1", tolerance=1e-30, domain="none")
-    cases.append(
+    return [
+        *(
+            StressCase(
+                f"tolerance {tolerance:.1e}",
+                "1 s at this tolerance",
+                _run("1", tolerance=tolerance, domain="none"),
+                least,
+            )
+            for tolerance, least in (
+                (0.1, 0.5),
+                (1e-3, 2.0),
+                (1e-6, 5.0),
+                (1e-9, 8.0),
+                (1e-13, 12.0),
+                (2.0**-53, 12.0),
+            )
+        ),
         StressCase(
             "tolerance below round-off",
             "1e-30 in double: no better than 1e-16, and no worse",
-            below,
+            _run("1", tolerance=1e-30, domain="none"),
             12,
-        )
-    )
-    return cases
+        ),
+    ]
 
 
 def _long_run() -> CaseOutcome:
@@ -342,10 +385,9 @@ def _long_run() -> CaseOutcome:
     for decade in range(6):
         periods = round(10**decade / float(cycle.period))
         duration = float(periods * cycle.period.value)
-        request = Request(
-            PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8
-        )
-        end = engine(request).state
+        end = engine(
+            Request(PRINTED, _OMEGA, start, duration, shifted=True, domain="none", max_steps=10**8)
+        ).state
         late = float(Fraction(duration) - periods * cycle.period.value)
         # On the section beta_bar changes at the rate v, so beta_bar / v is the error of time. The
         # rounding of the duration is known.
@@ -353,9 +395,13 @@ def _long_run() -> CaseOutcome:
     far = points[-1][1]
     times, errors = numpy.log10([(time, max(error, 1e-16)) for time, error in points]).T
     slope = float(numpy.polyfit(times, errors, 1)[0])
-    note = f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}"
     # The random errors at short times make the fitted exponent uncertain by about 0.1.
-    return CaseOutcome("digits", double_digits_between(far + 1.0, 1.0), slope < 1.15, note)
+    return CaseOutcome(
+        "digits",
+        double_digits_between(far + 1.0, 1.0),
+        slope < 1.15,
+        f"phase error {far:.1e} s after 1e5 s, growing with exponent {slope:.2f}",
+    )
 
 
 CASES: tuple[StressCase, ...] = (
