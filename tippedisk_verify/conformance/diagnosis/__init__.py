@@ -27,6 +27,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -302,8 +303,9 @@ class _LevelwiseDiagnosis:
             some: The changes.
             inputs: Values by name, each in place of the definition of that name.
         """
-        values = Values(SMOOTH if law == "smooth" else LINEAR, {})
-        return with_changes(values.with_inputs(**(inputs or {})), some)
+        return with_changes(
+            Values(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})), some
+        )
 
     @np.errstate(all="ignore")
     def predicted(
@@ -326,30 +328,20 @@ class _LevelwiseDiagnosis:
         return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
     def find_consequences(self, tables: Sequence[Table]) -> None:
-        """Mark as explained the wrong answers in tables that follow from the mistakes known so far."""
-        for table in tables if self.changes else ():
-            for some in self.candidates(table.friction):
-                self.mark_explained(table, some)
+        """Mark as explained the wrong answers in tables that follow from the mistakes known so far.
 
-    def mark_explained(self, table: Table, some: Sequence[Change]) -> None:
-        """Mark as explained the wrong answers in a table that a program with some mistakes would
-        give.
-
-        A quantity is marked if the program gives all of its unexplained answers.
-
-        Args:
-            table: The table.
-            some: The changes of the equations that the program has.
+        A quantity is marked if a program with the mistakes gives all of its unexplained answers.
         """
-        if not table.unexplained.any() or table.kind not in PREDICTED:
-            return
-        room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
-        for function in PREDICTED[table.kind]:
-            predicted = self.predicted(table, some, function)
-            fits = table.fitted(predicted, room)
-            for stem in np.unique(table.quantity_names[table.unexplained]):
-                mine = table.unexplained & (table.quantity_names == stem)
-                table.unexplained[mine] = not fits[mine].all()
+        for table in tables if self.changes else ():
+            room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
+            for some, function in product(
+                self.candidates(table.friction), PREDICTED.get(table.kind, ())
+            ):
+                if table.unexplained.any():
+                    fits = table.fitted(self.predicted(table, some, function), room)
+                    for stem in np.unique(table.quantity_names[table.unexplained]):
+                        mine = table.unexplained & (table.quantity_names == stem)
+                        table.unexplained[mine] = not fits[mine].all()
 
     # ---- changes of the equations
     def search_equations(self, tables: Sequence[Table]) -> None:
@@ -388,8 +380,12 @@ class _LevelwiseDiagnosis:
         for table in tables:
             if table.kind in PREDICTED:
                 known = self.candidates(table.friction)[0] if table.level > 1 else ()
-                definitions = self.program(table.friction, known).definitions
-                found += [(table, one) for one in problems(table, base_of(definitions, table))]
+                found += [
+                    (table, one)
+                    for one in problems(
+                        table, base_of(self.program(table.friction, known).definitions, table)
+                    )
+                ]
         return found
 
     def adopt_changes(self, table: Table, problem: RegressionProblem, posed: PosedProblems) -> bool:
@@ -522,13 +518,17 @@ class _LevelwiseDiagnosis:
                 middle, share = float(np.median(size[mine])), table.unexplained[mine].mean()
                 loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
                 if loses and share > _LOST_SHARE:
-                    differences = stem.startswith("dv")
-                    why = "the digits that difference quotients leave" if differences else "too few"
+                    why = (
+                        "the digits that difference quotients leave"
+                        if stem.startswith("dv")
+                        else "too few"
+                    )
                     lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
                     table.unexplained[mine] = False
         for (digits, why), names in sorted(lost.items()):
-            says = f"some {digits} digits of {', '.join(sorted(names))} are right: {why}"
-            self.causes.append(("digits", says))
+            self.causes.append(
+                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {why}")
+            )
 
     def expected(self, table: Table) -> Array:
         """Return the answers to a table's questions that follow from the mistakes found so far.
@@ -574,8 +574,14 @@ class _LevelwiseDiagnosis:
             new = [one for one in group if one.table.unexplained[one.answers].all()]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
                 continue  # one order alone proves nothing
-            names = {(one.table.friction, one.quantity) for one in new}
-            self.causes.append(("relation", _relation_sentence(says, names, total)))
+            self.causes.append(
+                (
+                    "relation",
+                    _relation_sentence(
+                        says, {(one.table.friction, one.quantity) for one in new}, total
+                    ),
+                )
+            )
             for one in new:
                 one.table.unexplained[one.answers] = False
 

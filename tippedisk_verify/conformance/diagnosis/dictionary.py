@@ -422,13 +422,6 @@ class Change:
             -(self.pieces[0][1] or 0),
         )
 
-    @property
-    def places(self) -> list[tuple[str, int | None]]:
-        """The parts of the equations that are changed: names of definitions, each with the index of
-        a term, or None for all terms.
-        """
-        return [(name, index) for name, index, _ in self.pieces]
-
 
 def changes(values: Values, names: Iterable[str]) -> list[Change]:
     """Return all possible mistakes in some definitions and inputs of the equations, as single
@@ -476,8 +469,11 @@ def _of_definition(name: str, values: Values) -> Iterator[Change]:
             late = name in _COMPOSITE_SUMS or (name[0] == "(" and "(" in shown(new))
             yield Change(((name, n, new),), f"in {name}: {says}", rank + late)
     for text, factor in _SUM_FACTORS.items() if several and name[0] != "(" else ():
-        pieces = tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms))
-        yield Change(pieces, f"{name} has {text}", 1)
+        yield Change(
+            tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms)),
+            f"{name} has {text}",
+            1,
+        )
 
 
 Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and rank
@@ -494,7 +490,11 @@ def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
     return (
         *_other_numbers(term, several),
         *_other_factors(term),
-        *_exchanged_powers(term),
+        *(  # two factors have exchanged their powers
+            _in_place(term, term.times(1.0, one, second - first).times(1.0, two, first - second), 1)
+            for (one, first), (two, second) in combinations(term.factors, 2)
+            if first != second and first * second > 0
+        ),
         *(
             _in_place(term, term.times(1.0, name, power), 2)
             for name, power in _EXTRA_FACTORS
@@ -538,10 +538,12 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
             yield _in_place(term, term.with_factor_replaced(name, other, power), rank)
             if abs(power) > 1:
                 yield _in_place(term, term.with_factor_replaced(name, other, one), 1)
-        lost = f"the factor {name} is missing in {shown((term,))}"
-        yield (term.times(1.0, name, -power),), lost, 0
-        powers = {power - one: 0, one: 0, power + one: 1, -power: 1}
-        for new, rank in powers.items():
+        yield (
+            (term.times(1.0, name, -power),),
+            f"the factor {name} is missing in {shown((term,))}",
+            0,
+        )
+        for new, rank in {power - one: 0, one: 0, power + one: 1, -power: 1}.items():
             if new not in (0, power):
                 yield _in_place(term, term.times(1.0, name, new - power), rank)
         yield _in_place(term, term.times(-1.0, name, -power), 3)
@@ -550,13 +552,3 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
             yield _in_place(
                 term, term.with_factor_replaced(name, inside, one).times(1.0, name, one - power), 0
             )
-
-
-def _exchanged_powers(term: Term) -> Iterator[Replacement]:
-    """Yield possible mistakes in a term of the equations: two factors have exchanged
-    their powers.
-    """
-    for (one, first), (two, second) in combinations(term.factors, 2):
-        if first != second and first * second > 0:
-            new = term.times(1.0, one, second - first).times(1.0, two, first - second)
-            yield _in_place(term, new, 1)

@@ -73,17 +73,22 @@ _NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold i
 _ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
-def base_of(definitions: Mapping[str, Any], table: Table, **more: Any) -> Values:
+def base_of(definitions: Mapping[str, Any], table: Table) -> Values:
     """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
         definitions: The definitions by name.
         table: The table. Its words for the equilibrium and the form become numbers.
-        more: Other inputs by name.
     """
-    side = np.where(table.given["equilibrium"] == "noninverted", -1.0, 1.0)
-    words = {"side": side, "consistent": (table.given["form"] == "consistent") * 1.0, "pi": np.pi}
-    return Values(definitions, {**table.given, **words, **more})
+    return Values(
+        definitions,
+        {
+            **table.given,
+            "side": np.where(table.given["equilibrium"] == "noninverted", -1.0, 1.0),
+            "consistent": (table.given["form"] == "consistent") * 1.0,
+            "pi": np.pi,
+        },
+    )
 
 
 # ---- what definitions predict
@@ -111,17 +116,10 @@ def matrix(values: Values, **place: Any) -> Array:
             entry's equilibrium and speed.
     """
     place = {"beta": "1/2 pi", "gamma": "1/2 side pi", "v": "0", **place}
-    numbers = {x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
-    at = values.at(**numbers)
+    at = values.at(
+        **{x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
+    )
     return _assembled(at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values)
-
-
-def _closed_matrix(values: Values) -> Array:
-    """Return the matrices of the linearised equations, by the closed forms of A_31 to A_33.
-
-    The array has the shape (entries, 3, 3).
-    """
-    return _assembled(values["Omega"], [values[name] for name in ("A_31", "A_32", "A_33")], values)
 
 
 def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
@@ -160,8 +158,9 @@ def _spectrum(
     z = solve(np.where(finite, matrices, 0.0)).astype(complex)
     order = np.lexsort((first * z.imag, up * np.round(key(z), 9)), axis=-1)
     z = np.take_along_axis(z, order, axis=-1)
-    found = {f"lambda_{n + 1}_re": z[:, n].real for n in range(3)}
-    return found | {f"lambda_{n + 1}_im": z[:, n].imag for n in range(3)}
+    return {f"lambda_{n + 1}_re": z[:, n].real for n in range(3)} | {
+        f"lambda_{n + 1}_im": z[:, n].imag for n in range(3)
+    }
 
 
 @np.errstate(all="ignore")
@@ -179,10 +178,9 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
     p = np.array([1j * omega * (1j * omega - j[:, 2, 2]), j[:, 2, 1] + 0j, 1j * omega])
-    raw = p
-    q, p = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
+    q, normal = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
-    cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (p * q).sum(axis=0)
+    cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (normal * q).sum(axis=0)
     faster, slower = matrix(values, Omega=1.5 * speed), matrix(values, Omega=0.5 * speed)
     by_speed = (faster - slower) / speed[:, None, None]  # exact: linear in the speed's square
     found = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
@@ -194,8 +192,14 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
         "rate_31": (2, by_speed[:, 2, 0] * q[0]),
         "rate_32": (2, by_speed[:, 2, 1] * q[1]),
     }
-    scaled = {"": p / product, "bare_": p, "raw_": raw, "turned_": p / product.conj()}
-    for prefix, adjoint in {**scaled, "right_": q.conj()}.items():
+    adjoints = {
+        "": normal / product,
+        "bare_": normal,
+        "raw_": p,
+        "turned_": normal / product.conj(),
+        "right_": q.conj(),
+    }
+    for prefix, adjoint in adjoints.items():
         for name, (row, factor) in parts.items():
             found[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
             found[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
@@ -243,15 +247,6 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
     )
 
 
-def radius_of(values: Values) -> Array:
-    """Return the radius [rad] of the circles in the complex plane about each entry's state, on
-    which functions are evaluated to differentiate them.
-
-    It is small near sin(beta) = 0, where the orders diverge.
-    """
-    return np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
-
-
 def series(values: Values) -> dict[str, dict[str, Any]]:
     """Return the inputs of the definitions of each order and each residual on the slow manifold.
 
@@ -261,7 +256,8 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
     Args:
         values: The definitions with the inputs of the entries.
     """
-    radius = radius_of(values)
+    # The circles are small near sin(beta) = 0, where the orders diverge.
+    radius = np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
     shifts = radius * _ROOTS_OF_UNITY[:, None, None], radius * _ROOTS_OF_UNITY[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     base = values.with_inputs(**state, v=1.0)
@@ -339,7 +335,11 @@ _PARTS: dict[str, Callable[[Values], dict[str, dict[str, Any]]]] = {
 PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
     **{kind: (partial(results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
-        lambda values: _spectrum(_closed_matrix(values)),
+        lambda values: _spectrum(
+            _assembled(
+                values["Omega"], [values[name] for name in _DEFINITIONS["equilibrium"]], values
+            )
+        ),
         lambda values: _spectrum(matrix(values)),
     ),
 }
@@ -373,8 +373,6 @@ _SORTED: dict[str, Callable[[Array], Array]] = {
     "imaginary parts": np.imag,
     "moduli of the imaginary parts": lambda z: np.abs(z.imag),
 }
-_SENSES = {1: "ascending", -1: "descending"}
-_SIGNS = {1: "negative", -1: "positive"}
 _UNIT = np.eye(3)
 
 
@@ -406,8 +404,8 @@ VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
             f"the eigenvalues are in another order: {sense} {text}"
             f", the {sign} imaginary part first": _variant(key=key, up=up, first=first)
             for text, key in _SORTED.items()
-            for up, sense in _SENSES.items()
-            for first, sign in _SIGNS.items()
+            for up, sense in ((1, "ascending"), (-1, "descending"))
+            for first, sign in ((1, "negative"), (-1, "positive"))
         },
     },
 }
@@ -425,12 +423,15 @@ def problems(table: Table, base: Values) -> list[RegressionProblem]:
         table: The table.
         base: The values of a program's definitions at the inputs of the table's entries.
     """
-    given = {
-        definition: _filled_in(table.column(name).answer, base[definition])
-        for name, definition in _ANSWERED.items()
-        if name in table.names
-    }
-    base = base.with_inputs(**given)
+    base = base.with_inputs(
+        **{
+            definition: np.where(
+                np.isfinite(answer := table.column(name).answer), answer, base[definition]
+            )
+            for name, definition in _ANSWERED.items()
+            if name in table.names
+        }
+    )
     parts = _PARTS[table.kind](base) if table.kind in _PARTS else {}
     columns = _entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
     found = []
@@ -453,11 +454,6 @@ def problems(table: Table, base: Values) -> list[RegressionProblem]:
     return [problem for problem in found if problem.answer.size]
 
 
-def _filled_in(answers: Array, values: Any) -> Array:
-    """Return answers, one to an entry, in which missing ones are replaced by ``values``."""
-    return np.where(np.isfinite(answers), answers, values)
-
-
 def _entries(table: Table, omega: Array) -> dict[str, Answered]:
     """Return A_31, A_32 and A_33 of the matrices that have the answered eigenvalues, by name.
 
@@ -478,12 +474,16 @@ def _entries(table: Table, omega: Array) -> dict[str, Answered]:
     right, found = _coefficients(truths, omega), dict[str, Answered]()
     for name, answer in _coefficients(answers, omega).items():
         allowed = near * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
-        wrong = np.abs(answer - right[name]) > allowed
-        found[name] = Answered(answer, right[name], allowed, wrong)
+        found[name] = Answered(answer, right[name], allowed, np.abs(answer - right[name]) > allowed)
     return found
 
 
 def _coefficients(z: Array, omega: Array) -> dict[str, Array]:
     pairs = z[0] * z[1] + z[0] * z[2] + z[1] * z[2]
-    last = (-pairs.real, z.prod(axis=0).real / omega, z.sum(axis=0).real)
-    return dict(zip(_DEFINITIONS["equilibrium"], last, strict=True))
+    return dict(
+        zip(
+            _DEFINITIONS["equilibrium"],
+            (-pairs.real, z.prod(axis=0).real / omega, z.sum(axis=0).real),
+            strict=True,
+        )
+    )

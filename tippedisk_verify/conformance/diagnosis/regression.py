@@ -203,8 +203,9 @@ class _Effects:
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
         self.values = values = program.at(**given, answer=answer)
-        moved = program.at(**given, answer=answer + allowed)
-        self.unit = unit = np.abs(self.total(moved) - self.total(values))
+        self.unit = unit = np.abs(
+            self.total(program.at(**given, answer=answer + allowed)) - self.total(values)
+        )
         self.residual = self.total(values) / unit
         self.names = values.total(self.identity)[1] - {"answer"} - right
         # Random weights: effects are compared by their weighted sums over the sample
@@ -213,8 +214,7 @@ class _Effects:
         for change in sorted(changes(values, self.names), key=lambda change: change.order):
             effect = self.total(values.changed(change.pieces)) / unit - self.residual
             if np.isfinite(effect).all() and np.abs(effect).max() > _NEGLIGIBLE_SHARE:
-                mark = f"{effect @ self.weights:.8e}"
-                groups.setdefault(mark, (effect, []))[1].append(change)
+                groups.setdefault(f"{effect @ self.weights:.8e}", (effect, []))[1].append(change)
         # The likeliest change of each effect, which keeps the others
         self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
@@ -278,7 +278,7 @@ class _Effects:
         """
         chosen = self.effects[list(members)]
         room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
-        places = [place for n in members for place in self.changes[n].places]
+        places = [piece[:2] for n in members for piece in self.changes[n].pieces]
         left = np.abs(self.residual + chosen.sum(axis=0))
         return len(set(places)) == len(places) and bool((left <= room).all())
 

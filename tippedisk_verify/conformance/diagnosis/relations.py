@@ -181,12 +181,10 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
     for rank, functions in _FUNCTIONS_OF_ONE_VALUE.items():
         for text, function in functions.items():
             yield rank, f"{{q}} {text}", function(x)
-    turns = np.round((table.answer - x) / (2 * _PI))
-    yield 3, "{q} is off by whole turns", x + 2 * _PI * turns
+    yield 3, "{q} is off by whole turns", x + 2 * _PI * np.round((table.answer - x) / (2 * _PI))
     for rank, says, ids in _exchanged(table):
         yield rank, says, _right_values(truths, ids)
-    others = _other_values(table, truths)
-    for name, values in others.items():
+    for name, values in _other_values(table, truths).items():
         y = np.where(table.quantity_names == name, np.nan, values)
         for n, (text, of_two) in (
             enumerate(_FUNCTIONS_OF_TWO_VALUES.items()) if np.isfinite(y).any() else ()
@@ -211,8 +209,11 @@ def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
             places.sort(key=float)
         for text, moved in _REORDERINGS.items() if places else ():
             others = dict(zip(places, moved(places), strict=False))
-            ids = [_with_word_replaced(match, others) if match else "" for match in matches]
-            yield 3, f"{{q}} has the values of {text} {what}", ids
+            yield (
+                3,
+                f"{{q}} has the values of {text} {what}",
+                [_with_word_replaced(match, others) if match else "" for match in matches],
+            )
 
 
 def _with_word_replaced(match: re.Match[str], others: Mapping[str, str]) -> str:
@@ -245,8 +246,10 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
     found = {}
     names = list(zip(table.ids, table.quantity_names, table.names, strict=True))
     for name in np.unique(table.quantity_names).tolist():
-        ids = [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names]
-        found[name] = _right_values(truths, ids)
+        found[name] = _right_values(
+            truths,
+            [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names],
+        )
     for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
         found[f"the {sort} {name}"] = table.given[name][table.rows]

@@ -68,8 +68,7 @@ def recognised_method(table: Table) -> str:
     Args:
         table: The answers about trajectories.
     """
-    times = (float(place["t"]) for place in table.places if "t" in place)
-    time = min(times, default=np.nan)
+    time = min((float(place["t"]) for place in table.places if "t" in place), default=np.nan)
     columns = [table.column(f"{x}@{time:g}") for x in STATE_NAMES]
     truths = np.array([column.truth for column in columns])
     errors = np.array([column.answer for column in columns]) - truths
@@ -79,10 +78,12 @@ def recognised_method(table: Table) -> str:
         return ""
     r, e, m, A, B, g, mu, epsilon, omega, *start = (table.given[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
-    constants = Constants(
-        r, e, m, A, B, Bbar, g, mu, epsilon, A / m, Bbar / m, mu * g / epsilon, mu * g
+    vector_field = field(
+        np,
+        Constants(r, e, m, A, B, Bbar, g, mu, epsilon, A / m, Bbar / m, mu * g / epsilon, mu * g),
+        omega,
+        table.friction,
     )
-    vector_field = field(np, constants, omega, table.friction)
 
     def errors_of(scheme: Scheme, step: float) -> Array:
         return np.asarray(_flown(vector_field, np.array(start), time, step, scheme) - truths)

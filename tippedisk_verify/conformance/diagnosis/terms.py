@@ -44,8 +44,9 @@ class Term(NamedTuple):
         number = str(size) if exact else f"{abs(self.number):g}"
         above, below = list[str](), list[str]()
         for name, power in self.factors:
-            exponent = f"^{abs(power)}" if abs(power) != 1 else ""
-            (above if power > 0 else below).append(name + exponent)
+            (above if power > 0 else below).append(
+                name + (f"^{abs(power)}" if abs(power) != 1 else "")
+            )
         if number != "1" or not above:
             above = [number, *above]
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *below])
@@ -163,8 +164,10 @@ class Values:
         """Return the values of the equations when some definitions are replaced by inputs of the
         same names.
         """
-        kept = {name: terms for name, terms in self.definitions.items() if name not in inputs}
-        return Values(kept, {**self.given, **inputs})
+        return Values(
+            {name: terms for name, terms in self.definitions.items() if name not in inputs},
+            {**self.given, **inputs},
+        )
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.known:
@@ -229,8 +232,11 @@ class Values:
             if index is not None:
                 terms = (*old[:index], *terms, *old[index + 1 :])
             definitions[name] = terms
-        kept = {name: item for name, item in self.known.items() if not item[1] & names}
-        return Values(definitions, self.given, kept)
+        return Values(
+            definitions,
+            self.given,
+            {name: item for name, item in self.known.items() if not item[1] & names},
+        )
 
 
 def written(lines: str) -> dict[str, Terms]:
