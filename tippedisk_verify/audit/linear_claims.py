@@ -65,8 +65,10 @@ def closed_form(name: str) -> Callable[[Audit, str], Measured]:
 
 def table_box() -> dict[str, tuple[Fraction, Fraction]]:
     """Return the intervals of r, e, m, A, B and g [SI units] that round to the table."""
-    numbers = {name: (Fraction(text), Fraction(half)) for name, (text, half) in _TABLE.items()}
-    return {name: (value - half, value + half) for name, (value, half) in numbers.items()}
+    return {
+        name: (Fraction(text) - Fraction(half), Fraction(text) + Fraction(half))
+        for name, (text, half) in _TABLE.items()
+    }
 
 
 def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:

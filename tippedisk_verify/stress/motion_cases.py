@@ -273,20 +273,14 @@ def _crossing(level: float) -> Event:
 
 
 def _event_cases() -> list[StressCase]:
-    engine = default_engine()
     # beta has a maximum within half a second. A surface touches it, or cuts it just below.
     turn = Event("turn", lambda ops, c, omega, beta, gamma, v: 1 * v, direction=-1)
 
-    def peak() -> tuple[Any, float]:
-        result = engine(
-            Request(
-                PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=bits(200)
-            )
-        )
-        return result.time, float(result.state[0])
-
     def below(ulps: float) -> CaseOutcome:
-        _, top = peak()
+        to_top = Request(
+            PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=TRUTH
+        )
+        top = float(default_engine()(to_top).state[0])
         return flown(
             Request(
                 PRINTED,
