@@ -360,9 +360,8 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
         raise InputError(
             f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'"
         )
-    text = answer_text(answer)
     with arithmetic():
-        return _grade(quantity, reading, text)
+        return _grade(quantity, reading, answer_text(answer))
 
 
 @arithmetic()

@@ -76,9 +76,12 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
         reason under ``missing``.
     """
     entry: dict[str, Any] = {
-        name: getattr(exhibit, name) for name in ("name", "title", "source", "alternative")
+        "name": exhibit.name,
+        "title": exhibit.title,
+        "source": exhibit.source,
+        "alternative": exhibit.alternative,
+        "claims": list(examined),
     }
-    entry["claims"] = list(examined)
     try:
         drawing = exhibit.draw(audit, examined)
     except (AccuracyError, ArithmeticError, InputError) as reason:
