@@ -303,18 +303,15 @@ def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
         left out.
     """
     rows: list[dict[str, Any]] = []
+    timed = (score for score in scores if score.seconds and score.family in _GROUPS)
+    slowest_first = sorted(timed, key=lambda score: score.seconds or 0.0)[::-1]
     for problem in dict.fromkeys(score.problem for score in scores):
         for bound in _ERROR_BOUNDS:
-            best: dict[str, Score] = {}
-            for score in scores:
-                within = (
-                    score.problem == problem and score.error is not None and score.error <= bound
-                )
-                group = _GROUPS.get(score.family)
-                if within and group and score.seconds:
-                    best[group] = min(
-                        best.get(group, score), score, key=lambda run: run.seconds or 0.0
-                    )
+            best = {
+                _GROUPS[score.family]: score
+                for score in slowest_first
+                if score.problem == problem and score.error is not None and score.error <= bound
+            }
             if best:
                 rows.append({"problem": problem, "error_at_most": bound} | _row(best))
     return rows

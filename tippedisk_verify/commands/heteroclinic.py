@@ -26,8 +26,6 @@ from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.results import with_widths
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from tippedisk_verify.cycles.distance_study import NearHeteroclinic
 
 __all__ = ["COMMANDS"]
@@ -112,43 +110,39 @@ def _near_heteroclinic(
     return 0
 
 
-def _near_lines(study: NearHeteroclinic) -> Iterator[str]:
+def _near_lines(study: NearHeteroclinic) -> list[str]:
     law = study.period_law
     signs = {True: "+", False: "-"}
-    yield (
+    rows = (
+        [
+            f"{float(row.distance):.3g}",
+            f"{row.period:.13g}",
+            *(f"{float(term - row.period):.1e}" for term in row.law),
+            f"{float(row.multiplier_slow):.6g}",
+            f"{row.double_resolves:.1e}",
+        ]
+        for row in study.rows
+    )
+    answers = [
+        [
+            exact_text(row.omega.value),
+            f"{float(row.period_found):.15g}",
+            f"{row.period:.13g}",
+            f"{float(row.error):.1e}",
+        ]
+        for row in study.answers
+    ]
+    return [
         f"T = {float(law.slope):.9g} ln D {signs[law.constant > 0]} "
         f"{abs(float(law.constant)):.9g} {signs[law.coefficient > 0]} "
         f"{abs(float(law.coefficient)):.6g} "
-        f"D^{float(law.exponent):.6g} + ..., D above Omega_h in rad/s, T in s"
-    )
-    header = ("D [rad/s]", "T [s]", "1 term", "2 terms", "3 terms", "multiplier", "a double")
-    yield from table(
-        header,
-        (
-            [
-                f"{float(row.distance):.3g}",
-                f"{row.period:.13g}",
-                *(f"{float(term - row.period):.1e}" for term in row.law),
-                f"{float(row.multiplier_slow):.6g}",
-                f"{row.double_resolves:.1e}",
-            ]
-            for row in study.rows
+        f"D^{float(law.exponent):.6g} + ..., D above Omega_h in rad/s, T in s",
+        *table(
+            ("D [rad/s]", "T [s]", "1 term", "2 terms", "3 terms", "multiplier", "a double"), rows
         ),
-    )
-    yield "terms: the error of the law with so many terms [s]; a double: the change of T by half an ulp of Omega [s]"
-    if study.answers:
-        yield from table(
-            ("Omega [rad/s]", "answer [s]", "T [s]", "error [s]"),
-            (
-                [
-                    exact_text(row.omega.value),
-                    f"{float(row.period_found):.15g}",
-                    f"{row.period:.13g}",
-                    f"{float(row.error):.1e}",
-                ]
-                for row in study.answers
-            ),
-        )
+        "terms: the error of the law with so many terms [s]; a double: the change of T by half an ulp of Omega [s]",
+        *(table(("Omega [rad/s]", "answer [s]", "T [s]", "error [s]"), answers) if answers else ()),
+    ]
 
 
 def _distances(text: str) -> list[str]:

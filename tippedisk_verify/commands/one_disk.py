@@ -36,7 +36,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import heading, result_lines
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
+    from collections.abc import Sequence
 
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.motion.solution import Solution
@@ -363,17 +363,18 @@ def _family_table(
     return [*header, "stable", "status"], lines
 
 
-def _family_lines(result: dict[str, Any]) -> Iterator[str]:
+def _family_lines(result: dict[str, Any]) -> list[str]:
     shown = ("omega", "period", "beta_max", "multiplier_slow")
     rows = (
         [f"{float(entries[name]['value']):.12g}" if name in entries else "none" for name in shown]
         for entries in result["orbits"]
     )
-    yield from table([heading(name) for name in shown], rows)
-    yield from dict.fromkeys(
-        entries["status"] for entries in result["orbits"] if "status" in entries
-    )
-    yield from result_lines({name: entry for name, entry in result.items() if name != "orbits"})
+    reasons = (entries["status"] for entries in result["orbits"] if "status" in entries)
+    return [
+        *table([heading(name) for name in shown], rows),
+        *dict.fromkeys(reasons),
+        *result_lines({name: entry for name, entry in result.items() if name != "orbits"}),
+    ]
 
 
 @disk_command(

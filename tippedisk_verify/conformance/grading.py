@@ -146,28 +146,18 @@ class Tally(Printable):
             friction: The friction law; "" for a level.
         """
         digits = [grade.digits for grade in grades if math.isfinite(grade.digits)]
-        failed, few = (
-            sum(grade.failed for grade in grades),
-            sum(grade.verdict == "few-digits" for grade in grades),
-        )
-        rounded, middle = (
-            sum(grade.verdict == "rounding" for grade in grades),
-            median(digits or [math.nan]),
-        )
-        least = min(digits, default=math.nan)
-        unread = sum(grade.digits == -math.inf for grade in grades)
         return cls(
-            level,
-            asked,
-            len(grades),
-            failed,
-            few,
-            rounded,
-            unread,
-            least,
-            middle,
-            quantity,
-            friction,
+            level=level,
+            asked=asked,
+            answered=len(grades),
+            failed=sum(grade.failed for grade in grades),
+            few=sum(grade.verdict == "few-digits" for grade in grades),
+            rounded=sum(grade.verdict == "rounding" for grade in grades),
+            unread=sum(grade.digits == -math.inf for grade in grades),
+            least=min(digits, default=math.nan),
+            middle=median(digits or [math.nan]),
+            quantity=quantity,
+            friction=friction,
         )
 
     @property

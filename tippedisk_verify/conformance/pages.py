@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
@@ -318,11 +319,8 @@ def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
     Returns:
         The characters before that place, and the rest.
     """
-    same = 0
-    for mine, right in zip(answer, truth, strict=False):
-        if mine != right:
-            break
-        same += 1
+    pairs = zip(answer, truth, strict=False)
+    same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
     return answer[:same], answer[same:]
 
 

@@ -134,13 +134,13 @@ def blank_questions(states: int, seed: int) -> Store:
     if not 0 <= seed < 10**9:
         raise InputError(f"--seed is a number from 0 to 999999999, not {seed}")
     disks = -(-states // STATES_PER_DISK)
-    items = [item for number in range(1, disks + 1) for item in _items(f"fresh-{seed}-{number}")]
     last = states - (disks - 1) * STATES_PER_DISK
     beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
     items = [
         item
-        for item in items
-        if not (item.set == f"fresh-{seed}-{disks}" and item.id[-7:] in beyond)
+        for number in range(1, disks + 1)
+        for item in _items(f"fresh-{seed}-{number}")
+        if number < disks or item.id[-7:] not in beyond
     ]
     nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
     blank = (

@@ -94,12 +94,10 @@ def split_name(name: str, kind: str) -> tuple[str, dict[str, str]]:
         kind: The kind of question. Only orders of the slow manifold are places: at level 1 ``h_1``
             is the name of a force.
     """
-    if "@" in name:
-        plain, place = name.split("@", 1)
-        return plain, {"t": place}
-    if "#" in name:
-        plain, place = name.split("#", 1)
-        return plain, {"n": place}
+    for mark, what in (("@", "t"), ("#", "n")):
+        plain, found, place = name.partition(mark)
+        if found:
+            return plain, {what: place}
     if kind == "slow-manifold":
         return name, {"order": name.rsplit("_", 1)[1]}
     return name, {}
@@ -179,16 +177,18 @@ def table_row(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[s
         quantity: The reference value.
     """
     row = question_fields(parameters, quantity)
-    if "doubles" in quantity.values:
-        row |= {
-            f"{name}_hex": float(row[name]).hex()
-            for name in (*SYMBOLS, *_INPUTS, "t")
-            if name in row
-        }
-    for reading, (value, uncertainty) in quantity.values.items():
-        row |= {f"value_from_{reading}": value, f"uncertainty_from_{reading}": uncertainty}
     scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
     row |= {
+        **{
+            f"{name}_hex": float(row[name]).hex()
+            for name in (*SYMBOLS, *_INPUTS, "t")
+            if name in row and "doubles" in quantity.values
+        },
+        **{
+            f"{part}_from_{reading}": text
+            for reading, texts in quantity.values.items()
+            for part, text in zip(("value", "uncertainty"), texts, strict=True)
+        },
         "scale": f"{scale:.17g}",
         "digits_needed": repr(digits_needed(quantity)),
         "rounding": f"{float(slopes_of(quantity)) * ROUNDING:.3g}",

@@ -197,21 +197,21 @@ class ReferenceValue(Printable, Bounded):
     def to_dict(self) -> dict[str, Any]:
         """Return the reference value as data for JSON, in both readings."""
         value, uncertainty = self.values["decimals"]
-        entry: dict[str, Any] = {"id": self.id, "definition": self.definition, "unit": self.unit}
-        entry |= {"value": value, "uncertainty": uncertainty}
-        if "doubles" in self.values:
-            entry["from_doubles"] = dict(
-                zip(("value", "uncertainty"), self.values["doubles"], strict=True)
-            )
-        names = (
-            "grade",
-            "methods",
-            "condition",
-            "parameters",
-            "inputs",
-            *["proof"] * (self.proof is not None),
-        )
-        return entry | {name: as_json(getattr(self, name)) for name in names}
+        names = ("grade", "methods", "condition", "parameters", "inputs")
+        return {
+            "id": self.id,
+            "definition": self.definition,
+            "unit": self.unit,
+            "value": value,
+            "uncertainty": uncertainty,
+            **{
+                f"from_{reading}": {"value": number, "uncertainty": width}
+                for reading, (number, width) in self.values.items()
+                if reading == "doubles"
+            },
+            **{name: as_json(getattr(self, name)) for name in names},
+            **({"proof": as_json(self.proof)} if self.proof is not None else {}),
+        }
 
 
 numbers.Real.register(

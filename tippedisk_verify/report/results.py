@@ -7,6 +7,7 @@ from __future__ import annotations
 import os
 import platform
 import time
+from collections import Counter
 from collections.abc import Sequence
 from shlex import quote
 from typing import Any, get_args
@@ -127,9 +128,7 @@ def summary(findings: Findings) -> dict[str, Any]:
     """Return a summary of an audit: the claims counted by verdict, those that do not follow in
     groups, and failed own checks.
     """
-    counts = {verdict.value: 0 for verdict in Verdict}
-    for _, finding in findings:
-        counts[finding.verdict.value] += 1
+    counts = Counter(finding.verdict for _, finding in findings)
     failed = [
         claim.name
         for claim, finding in findings
@@ -145,7 +144,7 @@ def summary(findings: Findings) -> dict[str, Any]:
     faults = sorted(alike.items(), key=lambda entry: job.index(entry[0][0]))
     return {
         "claims": len(findings),
-        **counts,
+        **{verdict.value: counts[verdict] for verdict in Verdict},
         "not_following": [
             {"class": kind, "cause": cause, "claims": names} for (kind, cause), names in faults
         ],
@@ -201,9 +200,6 @@ def results_json(
     from dataclasses import fields
 
     parameters = job.parameters
-    facts: dict[str, Any] = {}
-    for figure in figures:
-        facts |= figure["facts"]
     decimals = parameters.decimals()
     return {
         "claims": [claim_json(claim, finding, job) for claim, finding in findings],
@@ -217,7 +213,7 @@ def results_json(
         "digits": job.digits,
         "command": _command(job),
         "figures": [figure["entry"] for figure in figures],
-        **facts,
+        **{name: fact for figure in figures for name, fact in figure["facts"].items()},
         "provenance": _provenance(),
         "run": run or {},
     }
