@@ -6,7 +6,6 @@ from __future__ import annotations
 
 import json
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -78,9 +77,9 @@ def test_nothing_is_computed_for_what_is_kept(
 ) -> None:
     order, cache = AuditJob(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
-    first = run(order, tasks, cache, alone, quiet)
+    first, _ = run(order, tasks, cache, alone, quiet)
     monkeypatch.setattr(work, "run_task", None)
-    assert run(order, tasks, cache, alone, quiet) == replace(first, kept=frozenset(tasks))
+    assert run(order, tasks, cache, alone, quiet) == (first, frozenset(tasks))
 
 
 def test_a_key_is_for_one_question() -> None:
@@ -104,14 +103,14 @@ def test_processes_change_nothing() -> None:
     order = AuditJob(PRINTED, 12, (*LOCAL, *HEAVY))
     tasks = tasks_for(order, figures=False)
     steps = []
-    shared = run(
+    shared, _ = run(
         order,
         tasks,
         Cache(None),
         lambda tasks: processes(2),
         lambda label, more: steps.append(more),
     )
-    assert shared.records == run(order, tasks, Cache(None), alone, quiet).records
+    assert shared == run(order, tasks, Cache(None), alone, quiet)[0]
     assert sum(steps) == len(tasks)
 
 
@@ -126,14 +125,14 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
             return future
 
     order = AuditJob(PRINTED, 12, HEAVY)
-    outcome = run(
+    outcomes, _ = run(
         order,
         tasks_for(order, figures=False),
         Cache(None),
         lambda tasks: nullcontext(Dying()),
         quiet,
     )  # type: ignore[arg-type]
-    assert {task.name for task in outcome.records} == set(HEAVY)
+    assert {task.name for task in outcomes} == set(HEAVY)
 
 
 def test_every_claim_of_the_paper_has_a_formula_that_can_be_drawn() -> None:

@@ -15,7 +15,7 @@ from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
 
-__all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared", "compiled_rates"]
+__all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared"]
 
 # Relative and absolute tolerances, loosest first.
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
@@ -164,38 +164,32 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
     return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 
-def compiled_rates(problem: Problem) -> Callable[[float, Any], Any]:
-    """Compile the linear law's right-hand side to machine code that Python can call.
+def _compiled(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, Any], Any]:
+    """Compile the linear law's right-hand side or its Jacobian to machine code.
+
+    Args:
+        problem: The problem, with the constants and the speed.
+        formula: The right-hand side or the Jacobian, as `_in_symbols` takes it.
 
     Returns:
-        A function of t and y, shape (3,), that returns dy/dt.
+        A function of t and y, shape (3,), that returns dy/dt or a (3, 3) array.
     """
     import numpy
 
-    hy, state, rates = _in_symbols(problem, vector_field)
-    function = hy.cfunc(list(rates), state)
-    return lambda t, y: function(numpy.ascontiguousarray(y))
-
-
-def compiled_jacobian(problem: Problem) -> Callable[[float, Any], Any]:
-    """Compile the linear law's Jacobian to machine code.
-
-    Returns:
-        A function of t and y, shape (3,), that returns a (3, 3) array.
-    """
-    import numpy
-
-    hy, state, rows = _in_symbols(problem, jacobian)
-    function = hy.cfunc([hy.expression(0.0) + entry for row in rows for entry in row], state)
-    return lambda t, y: function(numpy.ascontiguousarray(y)).reshape(3, 3)
+    hy, state, values = _in_symbols(problem, formula)
+    entries = numpy.array(values, dtype=object)
+    function = hy.cfunc([hy.expression(0.0) + entry for entry in entries.flat], state)
+    return lambda t, y: function(numpy.ascontiguousarray(y)).reshape(entries.shape)
 
 
 def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     def prepare(problem: Problem, tolerance: float) -> Prepared:
         from scipy.integrate import solve_ivp
 
-        rates = compiled_rates(problem)
-        options = {"jac": compiled_jacobian(problem)} if method in ("LSODA", "Radau", "BDF") else {}
+        rates = _compiled(problem, vector_field)
+        options = (
+            {"jac": _compiled(problem, jacobian)} if method in ("LSODA", "Radau", "BDF") else {}
+        )
 
         def solve(times: Any = None, duration: float = problem.duration) -> Any:
             span = (0.0, duration)

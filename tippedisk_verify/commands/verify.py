@@ -88,34 +88,28 @@ def verify(
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
     with common.progress(len(tasks) + (folder is not None)) as advance:
-        outcome = run(
+        outcomes, kept = run(
             order,
             tasks,
             Cache(default_folder(), fresh=fresh),
             lambda wanted: _pool(jobs, wanted),
             advance,
         )
-        records = {
-            task.name: record for task, record in outcome.records.items() if task.kind == "claim"
-        }
+        records = {task.name: record for task, record in outcomes.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
-        figures = [outcome.records[task] for task in tasks if task.kind == "figure"]
-        results = results_json(
-            order, findings, figures, run_facts(began, len(tasks), len(outcome.kept))
-        )
+        figures = [outcomes[task] for task in tasks if task.kind == "figure"]
+        results = results_json(order, findings, figures, run_facts(began, len(tasks), len(kept)))
         if folder is not None:
             from tippedisk_verify.report.files import write_report
 
             advance("report", 0)
-            (formulas,) = [
-                record for task, record in outcome.records.items() if task.kind == "formulas"
-            ]
+            (formulas,) = [record for task, record in outcomes.items() if task.kind == "formulas"]
             write_report(folder, results, findings, figures, formulas)
             advance("report", 1)
     lines = list(_verdict_lines(order, findings, long, equations_named(names)))
-    if outcome.kept:
+    if kept:
         lines.append(
-            f"{len(outcome.kept)} of {len(tasks)} results are from earlier runs: --fresh "
+            f"{len(kept)} of {len(tasks)} results are from earlier runs: --fresh "
             f"computes them again"
         )
     if folder is not None:

@@ -330,14 +330,8 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
                 "answer, separated by "
                 f"commas, semicolons or tabs; it has {_listed(header, VALUES_COLUMNS)}"
             )
-        id_at, answer_at = header.index("id"), header.index("answer")
-        from_at = header.index("from") if "from" in header else None
         # Single columns of such names may be the user's own.
-        asked_at = (
-            {name: header.index(name) for name in _QUESTION}
-            if set(_QUESTION) <= set(header)
-            else {}
-        )
+        asked = _QUESTION if set(_QUESTION) <= set(header) else ()
         for row in table:
             if len(row) > len(header):
                 line, more = (
@@ -347,12 +341,17 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
                 raise InputError(
                     f"line {line} has {len(row)} fields, the header {len(header)}{more}"
                 )
-            if len(row) <= max(id_at, answer_at):
-                answers.short_rows += bool(row)
+            # Of two columns of the same name the first counts.
+            cells = dict(reversed(list(zip(header, row, strict=False))))
+            if "id" in cells and "answer" in cells:
+                yield (
+                    cells["id"],
+                    cells.get("from", ""),
+                    cells["answer"],
+                    {name: cells[name] for name in asked if name in cells},
+                )
             else:
-                reading = row[from_at] if from_at is not None and len(row) > from_at else ""
-                asked = {name: row[place] for name, place in asked_at.items() if place < len(row)}
-                yield row[id_at], reading, row[answer_at], asked
+                answers.short_rows += bool(row)
     except csv.Error as fault:
         raise InputError(f"not a CSV sheet: {str(fault)[:120]}") from None
 

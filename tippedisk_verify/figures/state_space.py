@@ -17,7 +17,6 @@ from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 
 __all__ = [
-    "draw_plane",
     "draw_scenes_2d",
     "draw_scenes_3d",
     "last_turn",
@@ -132,19 +131,6 @@ def _angle_axis(axis: Any, low: float, high: float) -> None:
     axis.set_ticks([half * math.pi / 2 for half in halves], labels)
 
 
-def draw_plane(axis: Any, panel: ComputedScene, orbits: Sequence[Any]) -> None:
-    """Draw orbits, the limit cycle and equilibria in the plane of beta and gamma.
-
-    Args:
-        axis: The Matplotlib axes.
-        panel: The panel.
-        orbits: States of shape (n, 3) for each orbit.
-    """
-    _draw_panel(axis, panel, orbits, 2)
-    axis.set_xlim(0, math.pi)
-    _angle_axis(axis.xaxis, 0, math.pi)
-
-
 def draw_scenes_2d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     """Draw the orbits of the paper's scenes, projected onto the (beta, gamma) plane, a panel for
     each (the paper's Figure proj_3D).
@@ -158,7 +144,9 @@ def draw_scenes_2d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     """
     figure, axes = grid(len(panels), columns, (4.6, 2.9), below=0.6)
     for panel, axis in zip(panels, axes, strict=True):
-        draw_plane(axis, panel, orbits_within(panel))
+        _draw_panel(axis, panel, orbits_within(panel), 2)
+        axis.set_xlim(0, math.pi)
+        _angle_axis(axis.xaxis, 0, math.pi)
         axis.set_title(panel.scene.title)
     _legend(figure, columns if len(panels) > 1 else 1)
     return figure

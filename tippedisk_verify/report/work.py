@@ -18,7 +18,7 @@ from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.provenance import DRAWING, fingerprint
 
-__all__ = ["AuditJob", "AuditRecords", "Task", "key", "run", "run_task", "tasks_for"]
+__all__ = ["AuditJob", "Task", "key", "run", "run_task", "tasks_for"]
 
 _MAX_TASKS_HERE = 4  # for so few heavy tasks, starting processes costs more than it saves
 _TICK = 0.2  # s between two updates of the progress
@@ -41,14 +41,6 @@ class Task:
 
     kind: Literal["claim", "figure", "formulas"]
     name: str
-
-
-@dataclass(frozen=True)
-class AuditRecords:
-    """The results of all tasks of an audit, as plain data."""
-
-    records: dict[Task, Any]
-    kept: frozenset[Task]  #: the tasks whose results were reused from an earlier run
 
 
 def tasks_for(job: AuditJob, *, figures: bool) -> tuple[Task, ...]:
@@ -135,7 +127,7 @@ def run(
     cache: Cache,
     pool: Callable[[int], AbstractContextManager[Executor | None]],
     advance: Callable[[str, int], None],
-) -> AuditRecords:
+) -> tuple[dict[Task, Any], frozenset[Task]]:
     """Compute all tasks of an audit, or reuse their earlier results.
 
     Args:
@@ -145,6 +137,9 @@ def run(
         pool: A function that makes an executor for a number of tasks, or None to use this process
             alone.
         advance: A function that is called with a label and a number of finished tasks.
+
+    Returns:
+        The results of all tasks as plain data, and the tasks whose results were reused.
     """
     records: dict[Task, Any] = {}
     keys = {task: key(job, task) for task in tasks}
@@ -176,7 +171,7 @@ def run(
                 _compute_on_executor(job, alone, [], executor, keep, advance)
     if ahead:
         cache.remove_unused()
-    return AuditRecords(records, kept)
+    return records, kept
 
 
 def _is_cheap(task: Task) -> bool:
