@@ -37,8 +37,8 @@ _CSV_DECIMALS = 10  # the error of the double-precision orbit after a minute is 
 _CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
-def orbits_within(panel: ComputedScene, seconds: float = _DRAWN_SECONDS) -> list[Any]:
-    """Return the states of each orbit of a panel up to a time, cut where the orbit leaves the
+def orbits_within(panel: ComputedScene) -> list[Any]:
+    """Return the states of each orbit of a panel that are drawn, cut where the orbit leaves the
     nearest well on either side.
 
     Further wells repeat the picture.
@@ -47,7 +47,7 @@ def orbits_within(panel: ComputedScene, seconds: float = _DRAWN_SECONDS) -> list
 
     orbits = []
     for orbit in panel.orbits:
-        states = orbit.states[orbit.times <= seconds]
+        states = orbit.states[orbit.times <= _DRAWN_SECONDS]
         far = numpy.flatnonzero(abs(states[:, 1] - math.pi / 2) > 1.6 * math.pi)
         orbits.append(states[: far[0]] if len(far) else states)
     return orbits

@@ -362,7 +362,7 @@ def _pairs(text: str) -> dict[str, str]:
     return dict(pair.split("=") for pair in text.split())
 
 
-@lru_cache(maxsize=2)
-def stored(folder: Path | None = None) -> Store:
-    """Return the reference data of a folder (None: the installed ones), read once in a process."""
-    return Store(folder if folder is not None else data_folder())
+@lru_cache(maxsize=1)
+def stored() -> Store:
+    """Return the installed reference data, read once in a process."""
+    return Store(data_folder())
