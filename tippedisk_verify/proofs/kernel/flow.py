@@ -71,13 +71,11 @@ class StepProposer(Protocol):
         The step is made by `Path.trial`. The flight asks again, for a shorter step, if it cannot
         use this one.
         """
-        ...
 
     def beyond(self) -> StepProposer:
         """Return the proposer of the part of a step after the sliding velocity has changed its
         sign.
         """
-        ...
 
     def axes(
         self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
@@ -90,11 +88,9 @@ class StepProposer(Protocol):
             sizes: The sizes of the set along the old axes.
             stiffness: The factor [1/s] that weighs velocities against angles.
         """
-        ...
 
     def step_taken(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
         """Record that the path has taken the step, with these axes at its end."""
-        ...
 
 
 class Model:

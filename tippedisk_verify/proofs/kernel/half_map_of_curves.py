@@ -105,6 +105,7 @@ __all__ = [
     "arc_test",
     "fly",
     "inverse",
+    "midpoint_inverse",
     "turnings",
 ]
 
@@ -364,13 +365,6 @@ class Arc:
     slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
     determinant: Jet  #: of d(equations)/d(unknowns)
 
-    def period(self) -> Jet:
-        """Return the cycles' period T [s] as a jet, a function of the arc's parameter s."""
-        half: Jet = self.flight.own_time
-        for k, off in zip(UNKNOWNS, self.within, strict=True):
-            half = half + self.flight.time_by[k] * off
-        return 2 * half
-
     def period_slope(self) -> Jet:
         """Return an enclosure of dT/d(gamma_bar_0), with T the cycle's period, for each s."""
         by = self.flight.time_by
@@ -447,10 +441,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
         for rows in zip(flight.matrix, curve.unit, strict=True)
     ]
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
-    chosen = [
-        [entry.mid() for entry in row]
-        for row in inverse([[x.mid() for x in row] for row in by_unknowns])
-    ]
+    chosen = midpoint_inverse(by_unknowns)
     degree = chosen[0][0].degree
     value = [entry.cut(degree) for entry in value]
     within, included = [], True
@@ -473,3 +464,13 @@ def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
     (a, b), (c, d) = matrix
     determinant = a * d - b * c
     return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
+
+
+def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """Return the inverse of a matrix (2, 2) of jets or balls, computed from their midpoints, as
+    points.
+
+    It approximates the inverse and encloses nothing.
+    """
+    middle = inverse([[entry.mid() for entry in row] for row in matrix])
+    return [[entry.mid() for entry in row] for row in middle]

@@ -90,6 +90,7 @@ from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motio
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.step import polynomial
 
 __all__ = [
     "FAST",
@@ -388,8 +389,8 @@ class ManifoldGraph:
         theta is a number, a ball or a series.
         """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
-            return [_horner(row, theta) for row in self.graph]
-        values = [_horner(row, abs(theta)) for row in self.graph]
+            return [polynomial(row, theta) for row in self.graph]
+        values = [polynomial(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
@@ -399,7 +400,7 @@ class ManifoldGraph:
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
-            _horner([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
+            polynomial([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
@@ -437,7 +438,7 @@ class ManifoldGraph:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
-        return [_horner(row[1:], theta) for row in self.graph]
+        return [polynomial(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
@@ -559,13 +560,6 @@ def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any],
         - abs(matrix[SLOW, FAST] * box[FAST]),
     )
     return delta, box, matrix
-
-
-def _horner(coefficients: Sequence[Any], variable: Any) -> Any:
-    total = 0 * variable + coefficients[-1]
-    for value in reversed(coefficients[:-1]):
-        total = total * variable + value
-    return total
 
 
 def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
