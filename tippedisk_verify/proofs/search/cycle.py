@@ -24,7 +24,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
 from tippedisk_verify.proofs.kernel.section import (
@@ -212,7 +212,7 @@ class CycleAttempt:
         omega: Fraction,
         digits: int,
         most_bits: int,
-        section: PoincareSection = LIBRATING_SECTION,
+        section: PoincareSection,
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = (
             parameters,
@@ -223,12 +223,6 @@ class CycleAttempt:
         self.section, self.setting = section, certificate_claim("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
-
-    def model(self) -> Model:
-        """Return the equations of motion at this search's speed, on balls of the
-        working precision.
-        """
-        return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> CycleProof:
         middle = self.sharpened(guess)
@@ -296,7 +290,7 @@ class CycleAttempt:
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = return_map(
-                    self.model(),
+                    model_of(self.parameters, ball(self.omega)),
                     self.section,
                     state,
                     FlightStepSearch(),

@@ -68,7 +68,7 @@ J. Differential Equations 246 (2009); Ważewski's principle for the block.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from operator import mul
 from typing import Any
 
@@ -268,9 +268,9 @@ class SaddleCoordinates:
         return LAWS[self.friction].two_sided
 
     @cached_property
-    def _models(self) -> list[Model]:
+    def _models(self) -> dict[int | None, Model]:
         sides = (1, -1) if self.two_sided else (None,)
-        return [Model(self.constants, self.omega, self.law(side)) for side in sides]
+        return {side: Model(self.constants, self.omega, self.law(side)) for side in sides}
 
     def field(
         self, z: Sequence[Any], side: int | None = None
@@ -284,15 +284,12 @@ class SaddleCoordinates:
             *z,
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
-        models = (
-            self._models
-            if side is None or not self.two_sided
-            else [self._models[0 if side > 0 else 1]]
-        )
         sets = [
-            [series[1] for series in model.variational.coefficients(start, 1)] for model in models
+            [series[1] for series in model.variational.coefficients(start, 1)]
+            for own, model in self._models.items()
+            if own is None or side in (None, own)
         ]
-        derivatives = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
+        derivatives = [reduce(arb.union, column) for column in zip(*sets, strict=True)]
         return (
             derivatives[:3],
             [derivatives[3 + row : 12 : 3] for row in range(3)],
