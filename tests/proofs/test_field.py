@@ -27,6 +27,7 @@ from tippedisk_verify.proofs.kernel.field import constants, one_sided, sliding_m
 from tippedisk_verify.proofs.kernel.field import field as kernel_field
 from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.numbers import ball_to_measured
 
 LAWS = (
@@ -194,7 +195,9 @@ def test_exact_results_lie_inside() -> None:
             exact["convolution"], exact["cut"] = 2 * a * b + a * a, a + b
         for name, value in results.items():
             with working_precision(64):
-                shown = [ball_to_measured(held) for held in (value.at(ball(s)), value.range())]
+                shown = [
+                    ball_to_measured(held) for held in (polynomial(value.c, ball(s)), value.range())
+                ]
             for wide in shown:
                 with working_precision(300):
                     # Its ends are rational: a ball that is a hair wider than what is claimed.

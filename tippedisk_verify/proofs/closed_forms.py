@@ -66,7 +66,6 @@ __all__ = [
     "characteristic_polynomial",
     "check_linearization",
     "chi",
-    "critical_speed_squared",
     "exact_polynomial",
     "hopf_balls",
     "proved_equilibrium",
@@ -349,14 +348,6 @@ def _disjoint(roots: list[Eigenvalue]) -> bool:
     return len(roots) == 3 and not any(meet(a.re, b.re) and meet(a.im, b.im) for a, b in pairs)
 
 
-def critical_speed_squared(constants: Constants) -> Any:
-    """Return the square of the critical speed, Omega_crit^2 = (r + e)^2 g / (r b) [rad^2/s^2] (Eq.
-    approx_omega_crit), for numbers of any kind.
-    """
-    reach = constants.r + constants.e
-    return reach * reach * constants.g / (constants.r * constants.b)
-
-
 def check_linearization(constants: Constants) -> None:
     """Raise an error unless the stability theorem applies to a disk.
 
@@ -440,7 +431,7 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
     to leading order.
     """
     r, e = constants.r, constants.e
-    square = critical_speed_squared(constants)
+    square = (r + e) * (r + e) * constants.g / (r * constants.b)  # Eq. approx_omega_crit
     speed = square.sqrt()
     frequency = (e / (r + e) * square).sqrt()
     a2, _, _ = characteristic_polynomial(constants, speed, INVERTED)

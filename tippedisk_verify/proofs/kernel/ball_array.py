@@ -209,12 +209,8 @@ class BallArray:
 
     __radd__ = __add__
 
-    @quieted
     def __sub__(self, other: Any) -> BallArray:
-        if isinstance(other, int) and other == 0:
-            return self
-        b = _operand(other)
-        return with_rounding(self._mid - b._mid, self._rad + b._rad)
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> BallArray:
         return (-self).__add__(other)
@@ -227,8 +223,10 @@ class BallArray:
     @quieted
     def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
+        if factor in (1.0, -1.0):
+            return self if factor > 0 else -self
         if factor is not None:
-            return self._scaled(factor)
+            return with_rounding(self._mid * factor, self._rad * abs(factor))
         b = _operand(other)
         radius = np.abs(self._mid) * b._rad
         upper = np.abs(b._mid)
@@ -237,12 +235,6 @@ class BallArray:
         return with_rounding(self._mid * b._mid, radius)
 
     __rmul__ = __mul__
-
-    def _scaled(self, factor: float) -> BallArray:
-        """Return the balls multiplied by an exact float, which must be 0 or not subnormal."""
-        if factor in (1.0, -1.0):
-            return self if factor > 0 else -self
-        return with_rounding(self._mid * factor, self._rad * abs(factor))
 
     @quieted
     def square(self) -> BallArray:

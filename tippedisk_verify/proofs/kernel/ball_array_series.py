@@ -6,7 +6,7 @@ it underflows. Roundings are counted as there.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -79,9 +79,6 @@ class BallArraySeries(Sequence[BallArray]):
             part._length = part._rows.shape[1]
             return part
         return trusted(rows[0, index], rows[4, index])
-
-    def __iter__(self) -> Iterator[BallArray]:
-        return (self[index] for index in range(self._length))
 
     @quieted
     def convolution(self, other: BallArraySeries) -> BallArray | int:

@@ -29,8 +29,8 @@ from tippedisk_verify.proofs.kernel.balls import ball, require
 __all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
 
 #: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops``
-#: has sin and cos.
-Law = Callable[[Any, Any, Any], Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
+#: has sin and cos. A law may take further numbers.
+Law = Callable[..., Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: The units of a disk's eight numbers, in the order in which sentences name them
 UNITS = {

@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
-from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
@@ -68,16 +68,14 @@ class StepProposer(Protocol):
     def step(self, path: Path, longest: Any) -> Step | None:
         """Return the next step of the path, of at most ``longest`` seconds, or None to give up.
 
-        The step is made by `Path.trial`. The flight asks again, for a shorter step, if it cannot
+        The step is made by a `Trial` of the path. The flight asks again, for a shorter step, if it cannot
         use this one.
         """
-        ...
 
     def beyond(self) -> StepProposer:
         """Return the proposer of the part of a step after the sliding velocity has changed its
         sign.
         """
-        ...
 
     def axes(
         self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
@@ -90,11 +88,9 @@ class StepProposer(Protocol):
             sizes: The sizes of the set along the old axes.
             stiffness: The factor [1/s] that weighs velocities against angles.
         """
-        ...
 
     def step_taken(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
         """Record that the path has taken the step, with these axes at its end."""
-        ...
 
 
 class Model:
@@ -108,22 +104,25 @@ class Model:
         constants: As from `field.constants` or `balls.ball_constants`, or arrays of balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
         law: The equations, if they are not those of the linear law.
+        further: Further numbers on which the ``law`` depends; it takes them after the speed.
     """
 
-    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
-        self.constants = constants
+    def __init__(
+        self, constants: Any, omega: Any, law: Law | None = None, further: Sequence[Any] = ()
+    ) -> None:
+        self.constants, self.further = constants, further
         self.omega: Any = ball(omega)
         self.law: Law = law or field
         # The speed's radius goes with the box, in mean-value form.
         self.orbit = self.orbit_at(self.omega.mid())
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
-        speed = graph.number(self.omega, active=True)
-        rates = self._rates(graph, speed, variables)
+        numbers = [graph.number(part, active=True) for part in (self.omega, *further)]
+        rates = self._rates(graph, variables, numbers)
         self.bound: Any = self  #: the equations that enclose remainders
-        #: The system of the state (3) and its derivatives with respect to beta, gamma, v and
-        #: Omega (3 each); ``with_divergence`` adds the divergence's integral
-        self.variational, self.with_divergence = with_derivatives(graph, variables, [speed], rates)
+        #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega
+        #: and the further numbers (3 each); ``with_divergence`` adds the divergence's integral
+        self.variational, self.with_divergence = with_derivatives(graph, variables, numbers, rates)
 
     def orbit_at(self, omega: Any) -> System:
         """Return the equations of motion (a `System`) of the states alone, without derivatives, at
@@ -131,7 +130,8 @@ class Model:
         """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
-        return System(graph, variables, self._rates(graph, graph.number(omega), variables))
+        numbers = [graph.number(part) for part in (omega, *self.further)]
+        return System(graph, variables, self._rates(graph, variables, numbers))
 
     def path(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
@@ -143,15 +143,19 @@ class Model:
         """
         return Path(self, start, proposer, derivatives=derivatives)
 
-    def _rates(self, graph: Graph, omega: Node, variables: Sequence[Node]) -> tuple[Node, ...]:
-        constants = type(self.constants)(*(graph.number(value) for value in self.constants))
-        return tuple(graph.number(rate) for rate in self.law(graph, constants, omega)(*variables))
+    def _rates(
+        self, graph: Graph, variables: Sequence[Node], numbers: Sequence[Node]
+    ) -> tuple[Node, ...]:
+        constants = type(self.constants)(*map(graph.number, self.constants))
+        return tuple(
+            graph.number(rate) for rate in self.law(graph, constants, *numbers)(*variables)
+        )
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
         """Return the rates of motion (beta', gamma', v') [rad/s, rad/s, rad/s^2] at a state of
         balls.
         """
-        return self.law(BallOps, self.constants, self.omega)(*state)
+        return self.law(BallOps, self.constants, self.omega, *self.further)(*state)
 
 
 class Path:
@@ -191,14 +195,6 @@ class Path:
         Omega.
         """
         return self.frame.matrix()
-
-    def trial(self, orders: tuple[int, int]) -> Trial:
-        """Return the Taylor series from the path's current states, on which step lengths are tried.
-
-        The first of the ``orders`` is that of the midpoint's orbit, the second that of the orbits
-        from the box.
-        """
-        return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
         """Ask the proposer for the next step of the path, of at most ``longest`` seconds, and

@@ -105,6 +105,7 @@ __all__ = [
     "arc_test",
     "fly",
     "inverse",
+    "midpoint_inverse",
     "turnings",
 ]
 
@@ -194,7 +195,8 @@ class CurveReplay:
             self.number < len(self.log), "the return is not reached: there are no further steps"
         )
         self.number += 1
-        return path.step_of(path.trial(ORDERS), as_float(self.log[self.number - 1]["share"]))
+        share = as_float(self.log[self.number - 1]["share"])
+        return Trial(path, ORDERS).tested((path.total * share).mid())
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
@@ -245,14 +247,6 @@ class CurvePath(Path):
         Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
         """
 
-    def step_of(self, trial: Trial, share: float) -> Step:
-        """Return a step of the flight, proved or not, whose length is a ``share`` of the time of
-        flight.
-
-        ``trial`` holds the Taylor series from which the step is made.
-        """
-        return trial.tested((self.total * share).mid())
-
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
     """Yield beta_bar and its derivatives for each part of a step in which v may be 0, so that
@@ -283,7 +277,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     """Enclose the half map, from section to section, for all starts on a curve and in the box about
     it.
 
-    ``choices`` is a `flow.StepProposer` whose steps come from `CurvePath.step_of`. Raises Unproved,
+    ``choices`` is a `flow.StepProposer` whose steps are shares of the curve's ``total``. Raises Unproved,
     with the number of the step that fails.
     """
     path = CurvePath(constants, curve, choices)
@@ -364,13 +358,6 @@ class Arc:
     slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
     determinant: Jet  #: of d(equations)/d(unknowns)
 
-    def period(self) -> Jet:
-        """Return the cycles' period T [s] as a jet, a function of the arc's parameter s."""
-        half: Jet = self.flight.own_time
-        for k, off in zip(UNKNOWNS, self.within, strict=True):
-            half = half + self.flight.time_by[k] * off
-        return 2 * half
-
     def period_slope(self) -> Jet:
         """Return an enclosure of dT/d(gamma_bar_0), with T the cycle's period, for each s."""
         by = self.flight.time_by
@@ -447,10 +434,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
         for rows in zip(flight.matrix, curve.unit, strict=True)
     ]
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
-    chosen = [
-        [entry.mid() for entry in row]
-        for row in inverse([[x.mid() for x in row] for row in by_unknowns])
-    ]
+    chosen = midpoint_inverse(by_unknowns)
     degree = chosen[0][0].degree
     value = [entry.cut(degree) for entry in value]
     within, included = [], True
@@ -473,3 +457,13 @@ def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
     (a, b), (c, d) = matrix
     determinant = a * d - b * c
     return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
+
+
+def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    """Return the inverse of a matrix (2, 2) of jets or balls, computed from their midpoints, as
+    points.
+
+    It approximates the inverse and encloses nothing.
+    """
+    middle = inverse([[entry.mid() for entry in row] for row in matrix])
+    return [[entry.mid() for entry in row] for row in middle]

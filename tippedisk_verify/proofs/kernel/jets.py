@@ -75,9 +75,7 @@ class Jet:
     __radd__ = __add__
 
     def __sub__(self, other: Any) -> Jet:
-        if isinstance(other, Jet):
-            return Jet([a - b for a, b in zip_longest(self.c, other.c, fillvalue=0)])
-        return Jet([self.c[0] - other, *self.c[1:]])
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Jet:
         return (-self).__add__(other)
@@ -180,13 +178,6 @@ class Jet:
         return self.c[0] + sum(
             x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:])
         )
-
-    def at(self, s: Any) -> Any:
-        """Return a ball that holds the function's value at s, a number or ball in [-1, 1]."""
-        result = self.c[-1]
-        for x in self.c[-2::-1]:
-            result = result * s + x
-        return result
 
     def converted_like(self, value: Any) -> Jet:
         """Return the constant function ``value`` as a jet of this jet's degree."""

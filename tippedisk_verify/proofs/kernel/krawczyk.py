@@ -30,12 +30,11 @@ from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import law_model
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
     "BOX",
     "FLIGHT",
-    "Choices",
     "FixedPoints",
     "StepReplay",
     "fixed_points",
@@ -43,19 +42,6 @@ __all__ = [
     "product",
     "replayed_test",
 ]
-
-
-@dataclass(frozen=True)
-class Choices:
-    """The choices that one run of Krawczyk's test needs: the steps of two flights, and the matrix
-    Y.
-    """
-
-    centre: StepProposer  #: for the flight from the middle
-    box: StepProposer  #: for the flight over the box
-    inverse: Callable[
-        [Sequence[Sequence[Any]]], Sequence[Sequence[Any]]
-    ]  #: Y, four points, given F_u over the box
 
 
 @dataclass(frozen=True)
@@ -93,7 +79,8 @@ def krawczyk_test(
     middle: Sequence[Any],
     deviations: Sequence[Any],
     unknown: tuple[int, int],
-    choices: Choices,
+    proposers: tuple[StepProposer, StepProposer],
+    inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
     centre: Return | None = None,
 ) -> FixedPoints | Return:
     """Test by Krawczyk's operator if a section's Poincare map has exactly one fixed point in a box.
@@ -105,7 +92,8 @@ def krawczyk_test(
             Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
         unknown: The indices of the two unknown numbers.
-        choices: The proposers of the two flights, and Y.
+        proposers: For the flight from the middle, and for the flight over the box.
+        inverse: Returns Y, four points, given F_u over the box.
         centre: The map at the middle, if it has already been computed.
 
     Returns:
@@ -114,13 +102,13 @@ def krawczyk_test(
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
         centre = return_map(
-            law_model(friction, numbers, middle[2]), section, middle[:2], choices.centre
+            law_model(friction, numbers, middle[2]), section, middle[:2], proposers[0]
         )
     if centre.status is not FlowStatus.RETURNED:
         return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
     box = return_map(
-        law_model(friction, numbers, whole[2]), section, whole[:2], choices.box, derivatives=True
+        law_model(friction, numbers, whole[2]), section, whole[:2], proposers[1], derivatives=True
     )
     if box.status is not FlowStatus.RETURNED:
         return box
@@ -129,7 +117,7 @@ def krawczyk_test(
         middle,
         deviations,
         unknown,
-        choices.inverse([[row[k] for k in unknown] for row in slopes]),
+        inverse([[row[k] for k in unknown] for row in slopes]),
         centre,
         box,
     )
@@ -230,7 +218,7 @@ class StepReplay:
         if part is None:
             return None
         length, orders = part
-        step = path.trial(orders).tested(length)
+        step = Trial(path, orders).tested(length)
         require(
             step.included,
             f"{self._place()}: the states and derivatives over it are not shown to "
@@ -269,8 +257,16 @@ def replayed_test(
     begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
-    choices = Choices(*flights, lambda matrix: box["inverse"])
-    outcome = krawczyk_test(claim, section, middle, deviations, unknown, choices, centre)
+    outcome = krawczyk_test(
+        claim,
+        section,
+        middle,
+        deviations,
+        unknown,
+        flights,
+        lambda matrix: box["inverse"],
+        centre,
+    )
     if isinstance(outcome, Return):
         raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
     for flight in flights if centre is None else flights[1:]:

@@ -45,14 +45,16 @@ No ball becomes a point or a float here.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
 from tippedisk_verify.proofs.kernel.field import FieldConstants, field
+from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
+from tippedisk_verify.proofs.kernel.series import Node
 
 __all__ = ["ScaledCurve", "ScaledModel"]
 
@@ -128,53 +130,42 @@ def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
     return scaled_sine(angle.x, angle.square)[:2]
 
 
-class ScaledModel:
-    """The equations of motion of a state (b, g, w) that is scaled by its amplitude a, used like
-    `flow.Model`.
+class ScaledModel(Model):
+    """The equations of motion of a state (b, g, w) that is scaled by its amplitude a.
 
     The state is (beta_bar, gamma_bar, v) / a, and ``square`` is q = a^2. ``omega`` is in rad/s.
-    Both are jets or balls.
+    Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and the
+    divergence is d(w')/d(w).
     """
 
     def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
-        self.constants, self.omega, self.square = constants, omega, square
-        graph = Graph()
-        variables = [graph.variable() for _ in range(3)]
-        speed, q = (graph.number(part, active=True) for part in (omega, square))
-        rates = self._recorded(graph, variables, speed, q)
-        #: The system of the state (3), its derivatives with respect to b, g, w, Omega and q (3
-        #: each), and the integral of the divergence d(w')/d(w)
-        self.with_divergence = with_derivatives(graph, variables, [speed, q], rates)[1]
-
-    def orbit_at(self, omega: Any) -> System:
-        """Return the equations of motion (a `System`) of the scaled states alone, without
-        derivatives, at another speed.
-        """
-        graph = Graph()
-        variables = [graph.variable() for _ in range(3)]
-        return System(
-            graph,
-            variables,
-            self._recorded(graph, variables, graph.number(omega), graph.number(self.square)),
-        )
-
-    def rates(self, state: Any) -> tuple[Any, ...]:
-        """Return the time derivatives (b', g', w') of the scaled state."""
-        return _rates(self.constants, state, self.omega, self.square)
-
-    def _recorded(
-        self, graph: Graph, variables: list[Node], omega: Node, square: Node
-    ) -> tuple[Any, ...]:
-        return _rates(FieldConstants(*map(graph.number, self.constants)), variables, omega, square)
+        super().__init__(constants, omega, scaled_field, (square,))
 
 
-def _rates(constants: FieldConstants, state: Any, omega: Any, square: Any) -> tuple[Any, ...]:
+def scaled_field(
+    ops: Any, constants: FieldConstants, omega: Any, square: Any
+) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
+    """Return the vector field of the scaled motion: a function from (b, g, w) to (b', g', w').
+
+    Args:
+        ops: Not used: `_ScaledOps` finds the sine and cosine of each kind of number.
+        constants: The disk's constants.
+        omega: The speed [rad/s].
+        square: q = a^2, in the arithmetic of the other numbers.
+
+    Raises:
+        ArithmeticError: If a rate is not odd.
+    """
     even = FieldConstants(*(_Part(value, square) for value in constants))
-    odd = [_Part(part, square, odd=True) for part in state]
-    rates = field(_ScaledOps, even, _Part(omega, square))(*odd)
-    if not all(rate.odd for rate in rates):
-        raise ArithmeticError("a rate is not odd")
-    return tuple(rate.x for rate in rates)
+
+    def rates(*state: Any) -> tuple[Any, Any, Any]:
+        odd = (_Part(part, square, odd=True) for part in state)
+        b, g, w = field(_ScaledOps, even, _Part(omega, square))(*odd)
+        if not (b.odd and g.odd and w.odd):
+            raise ArithmeticError("a rate is not odd")
+        return b.x, g.x, w.x
+
+    return rates
 
 
 @dataclass(frozen=True)

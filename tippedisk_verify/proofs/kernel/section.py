@@ -137,21 +137,8 @@ def return_map(
     if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
         return Return(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
-        length: Any = None
-        tried: TriedStep | None = None
-        for _ in range(_MAX_CUTS):
-            before, tried = tried, poincare_map.advance(length)
-            if tried is None or tried.proved:
-                break
-            length = 0.7 * tried.length
-        if tried is None or not tried.proved:
-            last = tried or before
-            status = FlowStatus.UNRESOLVED if tried else path.status or FlowStatus.NO_ENCLOSURE
-            if last and not last.upright:
-                status = FlowStatus.FLAT
-            return Return(status, path.time, path.steps)
-        if tried.landing is not None:
-            return tried.landing
+        if (ended := poincare_map.advance()) is not None:
+            return ended
     return Return(FlowStatus.NO_RETURN, path.time, path.steps)
 
 
@@ -165,15 +152,6 @@ class SectionCase(Enum):
     ON = "they fall, or after the turn rise, and do not reach the section"
     TURNS = "they turn"
     CROSSES = "they cross the section"
-
-
-class TriedStep(NamedTuple):
-    """The result of one step that was tried on the way to the section."""
-
-    length: float  #: of the step [s]
-    upright: bool  #: the disk does not lie flat
-    proved: bool  #: its case as well; then the path has taken the step, or has landed
-    landing: Return | None = None  #: the proved properties of orbits that have reached the section
 
 
 class PoincareMap:
@@ -194,27 +172,30 @@ class PoincareMap:
         #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
         self.turn: tuple[Any, Any] = (None, None)
 
-    def advance(self, longest: float | None = None) -> TriedStep | None:
-        """Try one step of the flight, take it if it is proved, and return its proved properties.
+    def advance(self) -> Return | None:
+        """Take one proved step of the flight, shortened until its case is shown.
 
-        Returns None if the path finds no step.
+        Returns None while the flight goes on. At its end, returns the proved properties of the
+        orbits at the section, or the status that names why no step is proved.
         """
-        step = self.path.step(longest)
-        if step is None:
-            return None
-        upright, case = self._case(step)
-        if not upright or case is None:
-            return TriedStep(step.length, upright, False)
-        if case is SectionCase.CROSSES:
-            moment = self._crossing(step)
-            if moment is None:
-                return TriedStep(step.length, upright, False)
-            self.path.take(step, moment)
-            return TriedStep(step.length, upright, True, self._landed())
-        if case is SectionCase.TURNS and not self._turn(step):
-            return TriedStep(step.length, upright, False)
-        self.path.take(step)
-        return TriedStep(step.length, upright, True)
+        path, status, upright, longest = self.path, FlowStatus.UNRESOLVED, True, None
+        for _ in range(_MAX_CUTS):
+            step = path.step(longest)
+            if step is None:
+                status = path.status or FlowStatus.NO_ENCLOSURE
+                break
+            upright, case = self._case(step)
+            if upright and case is SectionCase.CROSSES:
+                if (moment := self._crossing(step)) is not None:
+                    path.take(step, moment)
+                    return self._landed()
+            elif upright and (
+                case is SectionCase.ON or (case is SectionCase.TURNS and self._turn(step))
+            ):
+                path.take(step)
+                return None
+            longest = 0.7 * step.length
+        return Return(status if upright else FlowStatus.FLAT, path.time, path.steps)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown

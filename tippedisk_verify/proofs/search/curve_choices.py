@@ -36,7 +36,7 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
-from tippedisk_verify.proofs.kernel.step import Step, polynomial
+from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.search.proof import Stopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
@@ -93,11 +93,11 @@ class CurveStepSearch:
         used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = path.trial(ORDERS)
+        trial = Trial(path, ORDERS)
         for _ in range(_MAX_TRIALS):
             text = self._next()
             share = float(text)
-            step = path.step_of(trial, share)
+            step = trial.tested((path.total * share).mid())
             excess = max(
                 _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
                 _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),
@@ -238,19 +238,12 @@ def family_polynomials(
     return [Jet(part) for part in polynomials], half
 
 
-class RoundedPolynomials(NamedTuple):
-    """Rounded polynomials of the two unknown numbers, and their texts with those of half the
-    period.
-    """
-
-    numbers: list[tuple[Fraction, ...]]
-    texts: list[list[str]]
-
-
 def family_rows(
     constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
-) -> RoundedPolynomials:
+) -> list[tuple[Fraction, ...]]:
     """Return the Taylor polynomials along the family (`family_polynomials`), rounded to decimals.
+
+    They are those of the two unknown numbers and of half the period.
 
     Raises Stopped if they are not finite.
     """
@@ -258,11 +251,10 @@ def family_rows(
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
         raise Stopped(ArcStatus.NOT_FOLLOWED)
-    rows = [
+    return [
         tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.c)
         for jet in jets
     ]
-    return RoundedPolynomials(rows[:2], [[*map(exact_text, row)] for row in rows])
 
 
 def _slope(
@@ -294,11 +286,7 @@ class BoxedTest(NamedTuple):
     arc: Arc
     radii: list[Fraction]
     within: list[Fraction]  #: distances of the true values from the polynomials, at most
-    steps: list[dict[str, Any]]
-
-    @property
-    def evidence(self) -> dict[str, Any]:
-        return {"radii": [*map(exact_text, self.radii)], "steps": self.steps}
+    evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
 
 
 def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
@@ -327,9 +315,13 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
             for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return BoxedTest(arc, sizes, within, choices.log)
+            return BoxedTest(arc, sizes, within, _box_evidence(sizes, choices))
         radii = [2 * part for part in within]
     raise Stopped(ArcStatus.NOT_INCLUDED)
+
+
+def _box_evidence(radii: Sequence[Fraction], choices: CurveStepSearch) -> dict[str, Any]:
+    return {"radii": [*map(exact_text, radii)], "steps": choices.log}
 
 
 def prove_piece(
@@ -348,15 +340,17 @@ def prove_piece(
         start, half = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
         kind = Curve if low else ScaledCurve
         try:
-            rows = family_rows(constants(disk), start, ball(length), half, kind)
+            first, second, half_period = family_rows(
+                constants(disk), start, ball(length), half, kind
+            )
             arc: dict[str, Any] = {
                 "end": exact_text(high),
-                "curve": rows.texts[:2],
-                "half": rows.texts[2],
+                "curve": [[*map(exact_text, row)] for row in (first, second)],
+                "half": [*map(exact_text, half_period)],
             }
             test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
             radii = [
-                abs(row[1]) * share for row, share in zip(rows.numbers, _BOX_SHARES, strict=True)
+                abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
             for _ in range(_MAX_ATTEMPTS):
                 box = boxed(test, radii)
@@ -372,26 +366,24 @@ def prove_piece(
             return cast("ArcStatus", fault.status)
         if refusal is not None:
             return refusal
-        unique, evidence = box, arc | {"bits": BITS, "box": box.evidence}
+        unique, evidence = box.radii, arc | {"bits": BITS, "box": box.evidence}
         # The box of uniqueness may be wider than the box of the signs.
         room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
-        slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in rows.numbers]
+        slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in (first, second)]
         for share in _WIDE_SHARES:
             wide, choices = (
                 [two_digits(slope * room * share) for slope in slopes],
                 CurveStepSearch(),
             )
             with suppress(Unproved):
-                if min(map(sub, wide, box.radii)) > 0 and (wider := test(wide, choices)).included:
-                    unique = BoxedTest(wider, wide, box.within, choices.log)
-                    evidence["wide box"] = unique.evidence
+                if min(map(sub, wide, box.radii)) > 0 and test(wide, choices).included:
+                    unique, evidence["wide box"] = wide, _box_evidence(wide, choices)
                     break
-        first, second = rows.numbers
         return Piece(
             low,
             high,
             (first, second),
-            (unique.radii[0], unique.radii[1]),
+            (unique[0], unique[1]),
             (box.within[0], box.within[1]),
             evidence,
         )

@@ -24,7 +24,8 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.flow import FlowStatus
+from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
 from tippedisk_verify.proofs.kernel.section import (
     LIBRATING_SECTION,
@@ -37,7 +38,7 @@ from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, Stopped, certificate_claim
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse, searched_test
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
 
@@ -211,7 +212,7 @@ class CycleAttempt:
         omega: Fraction,
         digits: int,
         most_bits: int,
-        section: PoincareSection = LIBRATING_SECTION,
+        section: PoincareSection,
     ) -> None:
         self.parameters, self.omega, self.digits, self.most_bits = (
             parameters,
@@ -222,12 +223,6 @@ class CycleAttempt:
         self.section, self.setting = section, certificate_claim("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
-
-    def model(self) -> Model:
-        """Return the equations of motion at this search's speed, on balls of the
-        working precision.
-        """
-        return model_of(self.parameters, ball(self.omega))
 
     def run(self, guess: Sequence[Any]) -> CycleProof:
         middle = self.sharpened(guess)
@@ -243,7 +238,18 @@ class CycleAttempt:
                         _shortage(fixed, evidence),
                     )
                 else:
-                    proof = self.concluded(fixed)
+                    values = cycle.cycle_numbers(self.section, fixed)
+                    proof = CycleProof(
+                        self.section,
+                        CycleStatus.PROVED,
+                        f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
+                        self.parameters,
+                        self.omega,
+                        self.bits,
+                        values,
+                        stable=cycle.stability(values),
+                        reversals=cycle.reversals(self.section, fixed),
+                    )
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
@@ -295,7 +301,7 @@ class CycleAttempt:
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 flight = return_map(
-                    self.model(),
+                    model_of(self.parameters, ball(self.omega)),
                     self.section,
                     state,
                     FlightStepSearch(),
@@ -353,26 +359,6 @@ class CycleAttempt:
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
-
-    def concluded(self, fixed: FixedPoints) -> CycleProof:
-        """Return the proof of a limit cycle, with its numbers, from a passed Krawczyk test
-        ``fixed``.
-        """
-        values, where = (
-            cycle.cycle_numbers(self.section, fixed),
-            f"{fixed.centre.steps} + {fixed.box.steps} steps",
-        )
-        return CycleProof(
-            self.section,
-            CycleStatus.PROVED,
-            f"in {self.bits} bits, {where}",
-            self.parameters,
-            self.omega,
-            self.bits,
-            values,
-            stable=cycle.stability(values),
-            reversals=cycle.reversals(self.section, fixed),
-        )
 
 
 def _not_followed(flight: Return) -> Stopped:

@@ -201,7 +201,7 @@ class FamilyProof(Proof):
             }
         entries: dict[str, object] = {
             "proved": self.proved,
-            "covered": None if share is None else _decimals(share),
+            "covered": None if share is None else Measured(share, Fraction(0)).decimals()[0],
             "statement": self.statement,
             "ends": ends,
         }
@@ -229,7 +229,3 @@ def enclosed_omega_crit(parameters: Parameters) -> Measured:
 
 def _least(number: Measured) -> Fraction:
     return number.value - number.uncertainty
-
-
-def _decimals(share: Fraction) -> str:
-    return Measured(share, Fraction(0)).decimals()[0]

@@ -1,8 +1,8 @@
 """The proof of the family of limit cycles: the intervals that are tried, and their order.
 
 An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
-part of it. At the Hopf point only the lower half is tried; `open_intervals` returns the rest. If an
-interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
+part of it. At the Hopf point only the lower half is tried; the rest belongs to the intervals after
+it. If an interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
 
 Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on
 them.
@@ -25,7 +25,10 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_pr
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
+from tippedisk_verify.proofs.search.connection_cycles import (
+    ConnectionCyclesProof,
+    prove_connection_cycles,
+)
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
 from tippedisk_verify.proofs.search.family import FamilyProof, enclosed_omega_crit
 
@@ -36,7 +39,6 @@ __all__ = [
     "connected_pieces",
     "guess_at",
     "hopf_guess",
-    "open_intervals",
     "prove_family",
     "prove_intervals",
 ]
@@ -103,9 +105,8 @@ def prove_family(
 
     # Without the piece at the Hopf point the others are of no use.
     stage("the Hopf point")
-    stopped = prove_intervals(
-        parameters, open_intervals(pieces, min(wanted, HOPF_END)), [], watch=keep
-    )
+    at_hopf = Interval(Fraction(0), min(wanted, HOPF_END))
+    stopped = prove_intervals(parameters, [at_hopf], [], watch=keep)
     if connected_pieces(pieces):
         stage("the connection")
         speeds: list[Fraction] | None = None
@@ -119,7 +120,7 @@ def prove_family(
             stage("the cycles next to the connection")
             near = _next_to(connection)
             wanted = _end_for(near, known) or wanted
-        if stopped is None and (left := open_intervals(pieces, wanted)):
+        if stopped is None and (left := [*_subintervals(pieces[0].high, wanted)]):
             stage("arcs")
             with pool(len(left) > 1) as executor:
                 stopped = prove_intervals(parameters, left, known, executor, keep)
@@ -135,8 +136,6 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
-    from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
-
     end = None
     for reach in _INTERVAL_LENGTHS if connection.proved else ():
         with suppress(InputError):  # for a reach beyond Omega_crit
@@ -193,25 +192,8 @@ class Interval:
         return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
 
 
-def open_intervals(pieces: Sequence[Piece], end: Fraction) -> list[Interval]:
-    """Return the intervals of amplitudes between the Hopf point and the amplitude ``end`` on which
-    the family is not yet proved.
-    """
-    covered = connected_pieces(pieces)
-    low = covered[-1].high if covered else Fraction(0)
-    later = [piece for piece in sorted(pieces, key=lambda piece: piece.low) if piece.low >= low]
-    left: list[Interval] = []
-    if not low:
-        low = min(HOPF_END, end)
-        left.append(Interval(Fraction(0), low))
-    for piece in later:
-        if piece.low >= low:
-            left += _subintervals(low, min(piece.low, end))
-            low = piece.high
-    return left + list(_subintervals(low, end))
-
-
 def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
+    """Yield the intervals, from ``low`` to ``high`` [rad], on which the family is to be proved."""
     while low < high:
         length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
         # Few digits, and no short last interval.

@@ -27,6 +27,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
 from tippedisk_verify.proofs.kernel.section import (
     LIBRATING_SECTION,
@@ -37,7 +38,7 @@ from tippedisk_verify.proofs.kernel.section import (
 )
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, midpoint_inverse, searched_test
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
 

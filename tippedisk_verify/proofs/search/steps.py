@@ -18,12 +18,13 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.flow import Path, short_float
-from tippedisk_verify.proofs.kernel.krawczyk import Choices, FixedPoints, krawczyk_test
+from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.kernel.step import Step, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
-__all__ = ["FlightStepSearch", "axes_of_balls", "midpoint_inverse", "searched_test"]
+__all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
 
 Matrix = Sequence[Sequence[Any]]
 
@@ -75,7 +76,7 @@ class FlightStepSearch:
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
         rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _MIN_ORDER
-        trial = path.trial((order, rough_order))
+        trial = Trial(path, (order, rough_order))
         if rough_order < order:
             stiffness = float(abs(trial.wide[11][1]).abs_upper())
             longest = min(
@@ -228,32 +229,20 @@ def searched_test(
         centre: The search and the flight from the centre, if they have already been computed.
     """
     way, flight = (FlightStepSearch(), None) if centre is None else centre
+    over = FlightStepSearch()
     chosen: list[Sequence[Any]] = []
 
     def inverse(matrix: Matrix) -> Matrix:
         chosen[:] = midpoint_inverse(matrix)
         return chosen
 
-    choices = Choices(way, FlightStepSearch(), inverse)
     deviations = [arb(0, size) for size in sizes]
     deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
-    fixed = krawczyk_test(setting, section, middle, deviations, unknown, choices, flight)
-    box = {"radii": sizes, "inverse": chosen, "flight": choices.box}
+    fixed = krawczyk_test(
+        setting, section, middle, deviations, unknown, (way, over), inverse, flight
+    )
+    box = {"radii": sizes, "inverse": chosen, "flight": over}
     return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
-
-
-def midpoint_inverse(matrix: Matrix) -> list[list[Any]]:
-    """Return the inverse of a (2, 2) matrix of balls, computed from their midpoints, as exact
-    numbers.
-
-    It approximates the inverse and encloses nothing.
-    """
-    (a, b), (c, d) = ((entry.mid() for entry in row) for row in matrix)
-    determinant = a * d - b * c
-    return [
-        [(d / determinant).mid(), (-b / determinant).mid()],
-        [(-c / determinant).mid(), (a / determinant).mid()],
-    ]
 
 
 def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:

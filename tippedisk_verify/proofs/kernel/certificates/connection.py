@@ -59,8 +59,8 @@ __all__ = [
     "SHAPES",
     "SIDES",
     "EnclosedConnection",
-    "RecordedChoices",
     "one_speed_stays",
+    "recorded_choices",
     "room_keeps_orbits",
     "sentence",
     "verify",
@@ -340,25 +340,19 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
     )
 
 
-class RecordedChoices:
-    """A function that returns the recorded choice of a given name from a certificate.
+def recorded_choices(entries: Mapping[str, Any]) -> Callable[..., Any]:
+    """Return a function that returns the recorded choice of a given name from a certificate.
 
     The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
     its log have been taken.
     """
+    replay = StepReplay(entries["flight"], "the flight")
+    known = {**entries, "flight": replay}
 
-    def __init__(self, entries: Mapping[str, Any]) -> None:
-        self.entries = entries
-        self._flight = StepReplay(entries["flight"], "the flight")
+    def choose(name: str, *context: Any) -> Any:
+        return replay.number == len(replay.log) if name == "arrived" else known[name]
 
-    def __call__(self, name: str, *context: Any) -> Any:
-        if name == "flight":
-            return self._flight
-        return (
-            self._flight.number == len(self._flight.log)
-            if name == "arrived"
-            else self.entries[name]
-        )
+    return choose
 
 
 SHAPES = {
@@ -391,9 +385,11 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         "eigenvalues": [numbers[name] for name in EIGENVALUES],
         "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
-    choices = RecordedChoices({**evidence, **claimed})
     verified = verify_connection(
-        claim["parameters"], claim["friction"], numbers["omega_h"], choices
+        claim["parameters"],
+        claim["friction"],
+        numbers["omega_h"],
+        recorded_choices({**evidence, **claimed}),
     )
     require(
         not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown"

@@ -139,7 +139,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
-    RecordedChoices,
+    recorded_choices,
     verify_connection,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage, arrivals
@@ -532,7 +532,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextT
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
     connection = verify_connection(
-        claim["parameters"], "linear", interval, RecordedChoices({**entries, **claimed})
+        claim["parameters"], "linear", interval, recorded_choices({**entries, **claimed})
     )
     choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
     return verify_cycles(

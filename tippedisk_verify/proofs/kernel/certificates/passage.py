@@ -117,7 +117,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = ["Passage", "arrivals"]
 
@@ -460,7 +460,11 @@ def arrivals(
     tops: list[list[Any]] = []
     turned = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = _step(path, lengths)
+        step = Trial(path, (_ORDER, _ORDER)).tested(BallArray(lengths))
+        _all(
+            "the states and derivatives over a step are not shown to stay in its enclosure",
+            step.included,
+        )
         turning = _climbs(path.model, step)
         if turning.any():
             half = step.length / 2
@@ -508,15 +512,6 @@ def _all(what: str, *verified: NDArray[np.bool_]) -> None:
     flights = np.logical_and.reduce(verified)
     if not flights.all():
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
-
-
-def _step(path: Path, lengths: NDArray[np.float64]) -> Step:
-    step = path.trial((_ORDER, _ORDER)).tested(BallArray(lengths))
-    _all(
-        "the states and derivatives over a step are not shown to stay in its enclosure",
-        step.included,
-    )
-    return step
 
 
 def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:

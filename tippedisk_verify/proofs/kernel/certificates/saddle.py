@@ -68,7 +68,7 @@ J. Differential Equations 246 (2009); Ważewski's principle for the block.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from operator import mul
 from typing import Any
 
@@ -90,6 +90,7 @@ from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motio
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.step import polynomial
 
 __all__ = [
     "FAST",
@@ -267,9 +268,9 @@ class SaddleCoordinates:
         return LAWS[self.friction].two_sided
 
     @cached_property
-    def _models(self) -> list[Model]:
+    def _models(self) -> dict[int | None, Model]:
         sides = (1, -1) if self.two_sided else (None,)
-        return [Model(self.constants, self.omega, self.law(side)) for side in sides]
+        return {side: Model(self.constants, self.omega, self.law(side)) for side in sides}
 
     def field(
         self, z: Sequence[Any], side: int | None = None
@@ -283,15 +284,12 @@ class SaddleCoordinates:
             *z,
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
-        models = (
-            self._models
-            if side is None or not self.two_sided
-            else [self._models[0 if side > 0 else 1]]
-        )
         sets = [
-            [series[1] for series in model.variational.coefficients(start, 1)] for model in models
+            [series[1] for series in model.variational.coefficients(start, 1)]
+            for own, model in self._models.items()
+            if own is None or side in (None, own)
         ]
-        derivatives = [a.union(b) for a, b in zip(*sets, strict=True)] if len(sets) > 1 else sets[0]
+        derivatives = [reduce(arb.union, column) for column in zip(*sets, strict=True)]
         return (
             derivatives[:3],
             [derivatives[3 + row : 12 : 3] for row in range(3)],
@@ -388,8 +386,8 @@ class ManifoldGraph:
         theta is a number, a ball or a series.
         """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
-            return [_horner(row, theta) for row in self.graph]
-        values = [_horner(row, abs(theta)) for row in self.graph]
+            return [polynomial(row, theta) for row in self.graph]
+        values = [polynomial(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
@@ -399,7 +397,7 @@ class ManifoldGraph:
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
-            _horner([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
+            polynomial([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
@@ -437,7 +435,7 @@ class ManifoldGraph:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
-        return [_horner(row[1:], theta) for row in self.graph]
+        return [polynomial(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
@@ -559,13 +557,6 @@ def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any],
         - abs(matrix[SLOW, FAST] * box[FAST]),
     )
     return delta, box, matrix
-
-
-def _horner(coefficients: Sequence[Any], variable: Any) -> Any:
-    total = 0 * variable + coefficients[-1]
-    for value in reversed(coefficients[:-1]):
-        total = total * variable + value
-    return total
 
 
 def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
