@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import output_file, write_text
+from tippedisk_verify.files import output_file, read_bytes, write_text
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import PI, fraction, quotient, shown
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
@@ -274,8 +274,10 @@ class Parameters(Printable):
             self._refuse(what, "the paper's friction laws")
 
     def _refuse(self, what: str, laws: str) -> NoReturn:
-        law = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
-        raise InputError(f"{what} for {laws} only, not for {law}")
+        raise InputError(
+            f"{what} for {laws} only, not for "
+            + ("the smooth one" if self.friction in LAWS else f"'{self.friction}'")
+        )
 
     def decimals(self) -> dict[str, str]:
         """Return the disk's parameters by name, as decimal strings.
@@ -310,8 +312,7 @@ class Parameters(Printable):
         Raises:
             InputError: If the file cannot be written.
         """
-        lines = [f'{name} = "{text}"\n' for name, text in self.exact_texts().items()]
-        content = "".join(lines)
+        content = "".join(f'{name} = "{text}"\n' for name, text in self.exact_texts().items())
         if path is not None:
             write_text(output_file(str(path)), content)
         return content
@@ -386,9 +387,8 @@ class Parameters(Printable):
         """
         path = Path(path)
         entries = _toml_entries(path)
-        allowed = ", ".join(_QUANTITIES)
         faults = [
-            f"unknown key '{key[:40]}' (allowed: {allowed})"
+            f"unknown key '{key[:40]}' (allowed: {', '.join(_QUANTITIES)})"
             for key in entries
             if key not in _QUANTITIES
         ]
@@ -421,16 +421,9 @@ def _file_name(path: Path) -> str:
 
 def _toml_entries(path: Path) -> dict[str, Any]:
     try:
-        if path.exists() and not path.is_file():
-            raise OSError("it is not a file")
-        with open(path, "rb") as stream:
-            content = stream.read(_MAX_FILE_BYTES + 1)
-    except (OSError, ValueError) as fault:  # ValueError for a name with a null character
-        raise InputError(
-            f"parameter file {path} cannot be read: {getattr(fault, 'strerror', None) or fault}"
-        ) from None
-    if len(content) > _MAX_FILE_BYTES:
-        raise InputError(f"parameter file {path} is larger than {_MAX_FILE_BYTES} bytes")
+        content = read_bytes(path, _MAX_FILE_BYTES)
+    except InputError as fault:
+        raise InputError(f"parameter file {fault}") from None
     if any(line.count(b".") > _MAX_DOTS_PER_LINE for line in content.split(b"\n")):
         raise InputError(
             f"parameter file {path} has a line with more than {_MAX_DOTS_PER_LINE} dots: it is not "
