@@ -45,7 +45,7 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
     for name in (
         "cycles.locator.shoot",
         "cycles.locator.bisect_omega_h",
-        "cycles.locator.splitting_zero",
+        "cycles.locator.omega_h_resolving",
     ):
         monkeypatch.setattr(f"tippedisk_verify.{name}", None)
     with pytest.raises(NoSuchCycleError, match=message):

@@ -147,19 +147,20 @@ class Heteroclinic(Printable):
         start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(
             _START_DISTANCE
         )
-        request = Request(
-            self.parameters,
-            omega,
-            start,
-            times[-1],
-            shifted=True,
-            times=times,
-            events=(GAMMA_TOP,),
-            domain="none",
-            error_estimate=measured and engine.measures_error,
-            digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
+        result = engine(
+            Request(
+                self.parameters,
+                omega,
+                start,
+                times[-1],
+                shifted=True,
+                times=times,
+                events=(GAMMA_TOP,),
+                domain="none",
+                error_estimate=measured and engine.measures_error,
+                digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
+            )
         )
-        result = engine(request)
         if result.status is not Status.REACHED or not result.events:
             raise AccuracyError(f"the unstable branch: {result.status.value}")
         return result
@@ -206,21 +207,22 @@ def _eigenvalues(
     Their half-widths include the effect of the half-width of Omega_h. The eigenvalues are smooth in
     Omega, so that effect is linear.
     """
+
+    def real_parts(omega: Fraction) -> list[Measured]:
+        state = equilibrium(parameters, omega, "noninverted", digits + 6)
+        return [eigenvalue.re for eigenvalue in state.eigenvalues]
+
     if not omega_h.is_measured:
-        eigenvalues = equilibrium(parameters, omega_h.value, "noninverted", digits + 6).eigenvalues
         first, second, third = (
-            Measured.without_half_width(eigenvalue.re.value, digits) for eigenvalue in eigenvalues
+            Measured.without_half_width(x.value, digits) for x in real_parts(omega_h.value)
         )
-        return first, second, third
-    eigenvalues, moved = (
-        equilibrium(parameters, omega, "noninverted", digits + 6).eigenvalues
-        for omega in (omega_h.value, omega_h.value + omega_h.uncertainty)
-    )
-    first, second, third = (
-        Measured(
-            a.re.value,
-            a.re.uncertainty + b.re.uncertainty + abs(a.re.value - b.re.value) * HALF_WIDTH_FACTOR,
+    else:
+        moved = real_parts(omega_h.value + omega_h.uncertainty)
+        first, second, third = (
+            Measured(
+                a.value,
+                a.uncertainty + b.uncertainty + abs(a.value - b.value) * HALF_WIDTH_FACTOR,
+            )
+            for a, b in zip(real_parts(omega_h.value), moved, strict=True)
         )
-        for a, b in zip(eigenvalues, moved, strict=True)
-    )
     return first, second, third

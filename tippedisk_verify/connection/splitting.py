@@ -52,6 +52,7 @@ __all__ = [
     "Splitting",
     "SplittingFunction",
     "SplittingZero",
+    "first_arrival",
     "splitting_zero",
 ]
 
@@ -179,14 +180,18 @@ class SplittingFunction:
             duration: The flight's duration [s].
             times: Sample times [s], or None.
         """
-        wanted: dict[str, Any] = {
-            "times": times,
-            "precision": precision,
-            "shifted": True,
-            "domain": "none",
-        }
-        state = saddle.start_on_branch(self.start)
-        return self.engine(Request(self.parameters, saddle.omega, state, duration, **wanted))
+        return self.engine(
+            Request(
+                self.parameters,
+                saddle.omega,
+                saddle.start_on_branch(self.start),
+                duration,
+                times=times,
+                precision=precision,
+                shifted=True,
+                domain="none",
+            )
+        )
 
     @property
     def step(self) -> Fraction:
@@ -239,20 +244,30 @@ class SplittingFunction:
         It is rounded to a hundredth of a second. Raises AccuracyError if the branch does not come
         near the second saddle.
         """
-        times = numpy.arange(0, _MAX_FLIGHT, 0.01)
+        times, end = numpy.arange(0, _MAX_FLIGHT, 0.01), float(self.end)
         samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
-        distances = numpy.abs(samples - numpy.array([0.0, math.pi, 0.0])).max(axis=1)
-        reached = numpy.flatnonzero(distances < max(_END_DISTANCE, float(self.end)))
-        if not len(reached):
-            raise AccuracyError(
-                "the unstable branch does not come near the second saddle: there "
-                "is no connection here"
-            )
-        begin = float(times[reached[0]])
-        further = math.log(max(_END_DISTANCE, float(self.end)) / float(self.end)) / -float(
-            saddle.eigenvalues[1]
-        )
+        begin = float(times[first_arrival(samples, max(_END_DISTANCE, end))])
+        further = math.log(max(_END_DISTANCE, end) / end) / -float(saddle.eigenvalues[1])
         return Fraction(round((begin + further) * 100), 100)
+
+
+def first_arrival(samples: Any, distance: float) -> int:
+    """Return the index of the first state on the unstable branch that is close to the second
+    saddle.
+
+    Args:
+        samples: States (n, 3) of the branch: beta_bar, gamma_bar [rad] and v [rad/s].
+        distance: The largest difference of any component from the saddle's.
+
+    Raises:
+        AccuracyError: If no state is that close.
+    """
+    near = numpy.flatnonzero(numpy.abs(samples - [0.0, math.pi, 0.0]).max(axis=1) < distance)
+    if not len(near):
+        raise AccuracyError(
+            "the unstable branch does not come near the second saddle: there is no connection here"
+        )
+    return int(near[0])
 
 
 @dataclass(frozen=True)
@@ -274,8 +289,9 @@ class SplittingZero:
         It is a central difference. Its half-width comes from the change under another step and
         another distance from the saddles.
         """
-        functions = (self.finer, self.splitting_at)
-        finer, slope = (function.slope(function.latest.omega) for function in functions)
+        finer, slope = (
+            function.slope(function.latest.omega) for function in (self.finer, self.splitting_at)
+        )
         return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
 
     def by_parameters(self) -> dict[str, Measured]:
@@ -388,8 +404,9 @@ def _zero(
 ) -> SplittingZero:
     splitting_at, omega, slope = _root(parameters, guess, engine, stages)
     steepness, precision = abs(slope.value), splitting_at.precision
-    wider = companion(precision)
-    finer = SplittingFunction(parameters, omega, engine, wider, closer=0.5, coarser=splitting_at)
+    finer = SplittingFunction(
+        parameters, omega, engine, companion(precision), closer=0.5, coarser=splitting_at
+    )
     check = finer(omega)
     report_share(_BY_WIDER_RUN)
     budget = {

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from typing import Any, TypeVar
 
@@ -18,6 +17,7 @@ from tippedisk_verify.cycles.locator import Location, Locator, locator_of
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import exact, shown
 from tippedisk_verify.model.numpy_errors import undisturbed
 from tippedisk_verify.model.parameters import Parameters
@@ -161,8 +161,7 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
         )
     digits = checked_digits(digits)
     value = distance.rational
-    # math.log10 takes huge integers too
-    zeros = max(0, math.ceil(math.log10(value.denominator) - math.log10(value.numerator)))
+    zeros = max(0, -decimal_magnitude(value))
     if zeros > _MAX_ZEROS:
         raise InputError(
             f"distances {side} Omega_h are offered down to 1e-{_MAX_ZEROS} rad/s, not 1e-{zeros}"

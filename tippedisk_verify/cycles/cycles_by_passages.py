@@ -41,7 +41,13 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
-__all__ = ["FIRST_DIGITS", "PeriodLaw", "cycle_by_passages", "period_law", "shared_digits"]
+__all__ = [
+    "PeriodLaw",
+    "cycle_by_passages",
+    "omega_h_resolving",
+    "period_law",
+    "shared_digits",
+]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -79,7 +85,7 @@ _CACHED_DISKS = 64  # disks in the cache
 _MAX_DIGITS = 15  # digits that 64 bits give with some certainty
 _PI_BITS = 96  # bits of pi beyond those of the half-width
 #: The digits of Omega_h for the first attempt, and the steps by which they grow.
-FIRST_DIGITS, _MORE_DIGITS = 27, 10
+_FIRST_DIGITS, _MORE_DIGITS = 27, 10
 _GUARD_DIGITS = 4
 # The digits of the distance from Omega_h with which no number shows the distance's uncertainty.
 _DISTANCE_DIGITS = 18
@@ -115,7 +121,7 @@ def cycle_by_passages(
     if digits > _MAX_DIGITS or not engine.measures_error:
         return None
     try:
-        zero = _omega_h(parameters, speed_or_distance, engine, from_omega_h)
+        zero = omega_h_resolving(parameters, speed_or_distance, engine, from_omega_h=from_omega_h)
         distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
         if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
             return None
@@ -158,21 +164,27 @@ def cycle_by_passages(
     )
 
 
-def _omega_h(
-    parameters: Parameters, speed_or_distance: Fraction, engine: Engine, from_omega_h: bool
+def omega_h_resolving(
+    parameters: Parameters,
+    speed_or_distance: Fraction,
+    engine: Engine,
+    *,
+    from_omega_h: bool = False,
 ) -> Measured:
     """Compute Omega_h [rad/s] to the digits that a cycle at a given speed or distance needs.
-
-    Raises AccuracyError if that takes more than `MAX_DIGITS` digits.
 
     Args:
         parameters: The disk and its friction law.
         speed_or_distance: The cycle's speed, or its distance from Omega_h [rad/s].
         engine: The engine of the flights.
         from_omega_h: True if it is a distance.
+
+    Raises:
+        AccuracyError: If that takes more than `MAX_DIGITS` digits.
+        NoConnectionError: If there is no connection.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    wanted = _digits_for(speed_or_distance) if from_omega_h else FIRST_DIGITS
+    wanted = _digits_for(speed_or_distance) if from_omega_h else _FIRST_DIGITS
     while True:
         zero = splitting_zero(parameters, guess, engine, wanted).omega_h
         distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
@@ -201,7 +213,7 @@ def shared_digits(wanted: int) -> int:
     """Round a number of digits of Omega_h up to a coarse grid, so that many distances share one
     computation.
     """
-    return FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - FIRST_DIGITS) / _MORE_DIGITS))
+    return _FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - _FIRST_DIGITS) / _MORE_DIGITS))
 
 
 def _measured(
@@ -272,7 +284,7 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
         AccuracyError: If the flights fail.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    zero = splitting_zero(parameters, guess, engine, FIRST_DIGITS).omega_h.value
+    zero = splitting_zero(parameters, guess, engine, _FIRST_DIGITS).omega_h.value
     if not _offered(parameters, engine, zero):
         raise NoSuchCycleError(
             "the law of the period with its corrections needs a negative saddle value and 64 bits"

@@ -16,8 +16,7 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycles_by_passages import FIRST_DIGITS, cycle_by_passages
+from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages, omega_h_resolving
 from tippedisk_verify.cycles.cycles_by_whole_flights import (
     MIN_SHOOTING_DISTANCE,
     cycle_near_omega_h,
@@ -226,10 +225,10 @@ class Locator:
                     return self._next_to_omega_h(location, 0, above=self.connection_attracts)
             return location
         family = self.librating_family
-        refusal, places = _no_libration(family, float(omega)), family.places(float(omega))
-        starts = list(places)
+        starts = list(family.places(float(omega)))
         if not any(start.piece == 0 for start in starts):
             starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
+        refusal = _no_libration(family, float(omega))
         location = replace(location, refusal=refusal, starts=tuple(starts))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
@@ -280,12 +279,9 @@ class Locator:
 
         Raises AccuracyError if Omega_h has too few digits.
         """
-        omega, omega_h, digits = location.omega, location.omega_h, FIRST_DIGITS
-        while omega_h is None:  # to six digits of its distance
-            zero = splitting_zero(self.parameters, self.omega_h, self.engine, digits).omega_h
-            if abs(omega - zero.value) > zero.uncertainty * 10**6:
-                omega_h = zero.value
-            digits *= 2
+        omega, omega_h = location.omega, location.omega_h
+        if omega_h is None:
+            omega_h = omega_h_resolving(self.parameters, omega, self.engine).value
         starts = [start for start in location.starts if start.piece != piece]
         refusal = location.refusal
         if (omega > omega_h) is above:

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
+from tippedisk_verify.connection.splitting import first_arrival
 from tippedisk_verify.cycles.section import EXTREME
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
@@ -186,18 +187,12 @@ class GlobalMap:
             end: The distance from the other saddle.
         """
         times = numpy.arange(0, _MAX_FLIGHT, 0.01)
-        request = self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
-        samples = self._engine(request).samples
-        second = numpy.array([0.0, math.pi, 0.0])
-        near = numpy.flatnonzero(abs(samples - second).max(axis=1) < end)
-        if not len(near):
-            raise AccuracyError(
-                "the unstable branch does not come near the second saddle: there "
-                "is no connection here"
-            )
-        first = int(near[0])
+        samples = self._engine(
+            self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
+        ).samples
+        first = first_arrival(samples, end)
         point = self.arriving.at(EXTENDED.number(0)).coordinates(
-            EXTENDED.array(samples[first] - second)
+            EXTENDED.array(samples[first] - numpy.array([0.0, math.pi, 0.0]))
         )
         # The charts have no third powers of the fast coordinate.
         longer = math.log(max(1.0, abs(float(point[2])) / _MAX_FAST)) / -float(chart.eigenvalues[2])

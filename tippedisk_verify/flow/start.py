@@ -170,11 +170,12 @@ def surfaces(request: Request, start: Start) -> StartSurfaces:
     epsilon = float(request.precision.epsilon)
     if any(type(x) is float for x in request.state):
         epsilon = max(epsilon, 2.0**-52)
-    looked_at = [
-        event for event in request.events if event.name != FLAT.name or request.domain == "none"
+    on = [
+        (event, value)
+        for event in request.events
+        if (event.name != FLAT.name or request.domain == "none")
+        and abs(value := start.value(event)) <= ROUNDINGS * epsilon
     ]
-    values = [(event, start.value(event)) for event in looked_at]
-    on = [(event, value) for event, value in values if abs(value) <= ROUNDINGS * epsilon]
     if not on:
         return NO_SURFACES
     in_doubles = start._replace(

@@ -151,9 +151,13 @@ class CompiledStepper:
             event for event in events if two_sided and event.function is SLIDING_REVERSAL.function
         ]
         built = [event for event in events if event not in watched]
-        watching = (*built, SWITCH, TURN_OVER) if two_sided else built
-        asked = request.variations, request.divergence, watching, request.shifted, request.law
-        system, self._crossings = system_of(*asked)
+        system, self._crossings = system_of(
+            request.variations,
+            request.divergence,
+            (*built, SWITCH, TURN_OVER) if two_sided else built,
+            request.shifted,
+            request.law,
+        )
         self._names = parameter_names(request.law)
         self._records: list[EventRecord] = []
         self._terminal = [event for event in built if event.terminal]
@@ -183,8 +187,9 @@ class CompiledStepper:
             self._friction_sign.stepper = proxy(self._stepper)
         # After the state, the integral of the divergence and the guard start at 0 and the
         # derivatives at the identity.
-        extended = request.variations or self._size > 3
-        self._identity = self._stepper.state[3:].copy() if extended else None
+        self._identity = (
+            self._stepper.state[3:].copy() if request.variations or self._size > 3 else None
+        )
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
         self._parameters: Parameters | None = None
         self._speed: Any = None
@@ -247,9 +252,11 @@ class CompiledStepper:
             stepper.update_d_output(when)
             records.append(EventRecord(name, when, owned(stepper.d_output[:3])))
 
-        crossing, direction = self._crossings[name], direction_of(event)
         return heyoka_module().nt_event(
-            crossing, record, direction=direction, fp_type=self.precision.type
+            self._crossings[name],
+            record,
+            direction=direction_of(event),
+            fp_type=self.precision.type,
         )
 
     def run(self, request: Request) -> Result:

@@ -152,8 +152,7 @@ def system_of(
         system.append((hy.make_vars("divergence"), slope))
     if law.has_guard:
         slip = SLIDING_REVERSAL.function(ops, constants, omega, *state)
-        guard = law.guard(hy, ops.sin(state[0]) * slip, constants)
-        system.append((hy.make_vars("guard"), guard))
+        system.append((hy.make_vars("guard"), law.guard(hy, ops.sin(state[0]) * slip, constants)))
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
         unknown = [name for name in variations if name not in variables]
@@ -198,7 +197,7 @@ def _factors(count: int, pattern: int, precision: Precision) -> tuple[Any, ...]:
     one, ulp = precision.number(1), precision.number(precision.epsilon)
     block, turn = divmod(pattern, _PATTERNS_PER_ROUND)
     random = Random(block)  # differs between rounds of patterns, is the same on every machine
-    moves = [random.sample(range(_PATTERNS_PER_ROUND), 2) for _ in range(count)]
     return tuple(
-        one + ulp if turn == up else one - ulp if turn == down else one for up, down in moves
+        one + ulp if turn == up else one - ulp if turn == down else one
+        for up, down in (random.sample(range(_PATTERNS_PER_ROUND), 2) for _ in range(count))
     )

@@ -20,8 +20,8 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
+from tippedisk_verify.flow.start import Start
 from tippedisk_verify.model.arrays import doubles, half_widths
-from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 
@@ -54,14 +54,13 @@ def half_widths_from_wider_run(engine: Engine, request: Request, result: Result)
     """
 
     def checked(wider: Precision, most_steps: int) -> Result:
-        tolerance = wider.epsilon * _WIDER_TOLERANCE
         return engine(
             replace(
                 request,
                 error_estimate=False,
                 dense=False,
                 precision=wider,
-                tolerance=tolerance,
+                tolerance=wider.epsilon * _WIDER_TOLERANCE,
                 max_steps=most_steps,
             )
         )
@@ -133,9 +132,8 @@ def _starts_moving(request: Request, wider: Precision) -> bool:
     """
     if not request.events:
         return True
-    ops = shifted(wider.ops) if request.shifted else wider.ops
-    flow = field(ops, request.parameters.at(wider), wider.number(request.omega), request.law)
-    fastest = max(abs(rate) for rate in flow(*map(wider.number, request.state)))
+    start = Start.of(request, wider)
+    fastest = max(map(abs, start.rates(start.state)))
     return bool(fastest > wider.number(_MIN_RATE_IN_ROUNDINGS * wider.epsilon))
 
 
