@@ -256,10 +256,6 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
 
 
 # ----------------------------------------------------------------------------------- other methods
-def _attributes(result: Any, *names: str) -> Values:
-    return {name: getattr(result, name) for name in names}
-
-
 def balance(case: Case, values: Values) -> Values:
     """Compute a librating cycle by harmonic balance.
 
@@ -269,7 +265,7 @@ def balance(case: Case, values: Values) -> Values:
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
     cycle = balanced_cycle(case.disk, omega, digits=_BALANCED)
-    return _attributes(cycle, "period", "gamma_bar_0", "v_0", "beta_max")
+    return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
 def collocation(case: Case, values: Values) -> Values:
@@ -277,24 +273,16 @@ def collocation(case: Case, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
-    cycle = spectral_rotation(case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED)
-    slow = cycle.multiplier_slow.log()
-    numbers = _attributes(cycle, "period", "beta_bar_top", "v_top", "multiplier_slow")
-    return numbers | {
-        "log_multiplier_slow": slow,
-        "log_multiplier_fast": cycle.log_multipliers - slow,
-    }
+    numbers = spectral_rotation(case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED)
+    both, slow = numbers.pop("log_multipliers"), numbers["multiplier_slow"].log()
+    return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": both - slow}
 
 
 def fold_by_collocation(case: Case, values: Values) -> Values:
     """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
-    fold = spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
-    return _attributes(fold, "omega", "period", "null_vector") | {
-        "beta_bar_top": fold.angle,
-        "v_top": fold.v,
-    }
+    return spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
 
 
 def scipy(case: Case, values: Values) -> Values:

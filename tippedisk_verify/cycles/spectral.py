@@ -43,8 +43,6 @@ from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = [
     "BalancedCycle",
-    "SpectralFold",
-    "SpectralRotation",
     "approximate_cycle",
     "balanced_cycle",
     "spectral_fold",
@@ -180,33 +178,22 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
 
 
 # ---------------------------------------------------------------------------------- rotating cycles
-@dataclass(frozen=True)
-class SpectralRotation:
-    """A rotating limit cycle from spectral collocation.
-
-    Each number's half-width is twice its distance from a finer collocation.
-    """
-
-    omega: Fraction  #: [rad/s]
-    samples: int
-    period: Measured  #: T [s]
-    beta_bar_top: Measured  #: beta - pi/2 at gamma = pi/2 [rad]
-    v_top: Measured  #: v there [rad/s]
-    multiplier_slow: Measured  #: the larger non-trivial Floquet multiplier
-    log_multipliers: Measured  #: the sum of both multipliers' logarithms, by Liouville's integral
-
-
 def spectral_rotation(
-    parameters: Parameters, omega: object, *, stable: bool = True, digits: int = 12
-) -> SpectralRotation:
-    """Return the rotating limit cycle of the linear law at a speed, to about ``digits`` digits of
-    its period.
+    parameters: Parameters, omega: object, *, stable: bool, digits: int
+) -> dict[str, Measured]:
+    """Return numbers of the rotating limit cycle of the linear law at a speed, to about ``digits``
+    digits of its period.
 
     Args:
         parameters: The disk, under an analytic friction law.
         omega: The speed [rad/s].
         stable: True for the stable cycle, False for the unstable one.
         digits: The digits of the period.
+
+    Returns:
+        By their names in `RotatingCycle`: the period, the state at the top and the slow multiplier.
+        ``log_multipliers`` is the sum of both multipliers' logarithms, by Liouville's integral.
+        Each half-width is twice the distance from a finer collocation.
 
     Raises:
         InputError: If the law has two sides, or the speed is not positive.
@@ -229,9 +216,7 @@ def spectral_rotation(
         }
 
     count = samples_for(CycleKind.ROTATING, start, digits)
-    return SpectralRotation(
-        speed, count, **_at_two_resolutions(parameters, CycleKind.ROTATING, count, digits, numbers)
-    )
+    return _at_two_resolutions(parameters, CycleKind.ROTATING, count, digits, numbers)
 
 
 def _exponent(a: Collocation, cycle: Any) -> Any:
@@ -261,27 +246,11 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
 
 
 # -------------------------------------------------------------------------------------------- folds
-@dataclass(frozen=True)
-class SpectralFold:
-    """A fold of limit cycles from spectral collocation.
-
-    Half-widths are twice the distance from a finer collocation. The state is (beta_bar, v) at gamma
-    = pi/2 of a rotating cycle, (gamma_bar, v) at beta = pi/2 of a librating one.
-    """
-
-    samples: int
-    omega: Measured  #: [rad/s]
-    period: Measured  #: T [s]
-    angle: Measured  #: the state's angle [rad]
-    v: Measured  #: [rad/s]
-    null_vector: Measured  #: d(v) / d(angle) along the family [1/s]
-
-
 def spectral_fold(
     parameters: Parameters, kind: CycleKind = CycleKind.ROTATING, *, digits: int = 12
-) -> SpectralFold:
-    """Return the fold of the linear law's rotating limit cycles, or the first one of the librating
-    cycles.
+) -> dict[str, Measured]:
+    """Return numbers of the fold of the linear law's rotating limit cycles, or of the first one of
+    the librating cycles.
 
     At a fold the variational equation has a second periodic solution. So the null vector of the
     collocation's derivative is an unknown too.
@@ -290,6 +259,10 @@ def spectral_fold(
         parameters: The disk, under an analytic friction law.
         kind: The kind of cycle.
         digits: The approximate digits of the fold's numbers.
+
+    Returns:
+        By their names in `RotationFold` or `LibrationFold`: the speed, the period, the state on the
+        section and the null vector. Each half-width is twice the distance from a finer collocation.
 
     Raises:
         InputError: If the law has two sides.
@@ -314,17 +287,19 @@ def spectral_fold(
         cycle, null = fold[: n + 2], fold[n + 2 :]
         gamma, v = a.motion(cycle)
         turned, rate = a.motion_along(cycle, null)
-        angle, by_family = (cycle, null) if kind is CycleKind.ROTATING else (gamma, turned)
+        if kind is CycleKind.ROTATING:
+            state, by_family = {"beta_bar_top": cycle[0], "v_top": v[0]}, null
+        else:
+            state, by_family = {"gamma_bar_0": gamma[0], "v_0": v[0]}, turned
         return {
             "omega": cycle[-1],
             "period": 2 * a.pi / cycle[-2],
-            "angle": angle[0],
-            "v": v[0],
+            **state,
             "null_vector": rate[0] / by_family[0],
         }
 
     count = samples_for(kind, start, digits)
-    return SpectralFold(count, **_at_two_resolutions(parameters, kind, count, digits, numbers))
+    return _at_two_resolutions(parameters, kind, count, digits, numbers)
 
 
 # ------------------------------------------------------------------------------------- above double
