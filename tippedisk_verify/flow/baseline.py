@@ -83,6 +83,11 @@ class Baseline:
         InputError: If SciPy has no such method, or it is not offered.
     """
 
+    #: False: this engine gives no half-widths, because SciPy has no reliable error estimate.
+    measures_error = False
+    #: The integrators that this engine has compiled: none, because SciPy compiles nothing.
+    builds: tuple[Build, ...] = ()
+
     def __init__(self, method: str = "DOP853") -> None:
         if method not in SCIPY_METHODS:
             raise InputError(
@@ -94,16 +99,6 @@ class Baseline:
     def name(self) -> str:
         """The name of this engine in results: ``scipy-`` and the method."""
         return f"scipy-{self.method}"
-
-    @property
-    def measures_error(self) -> bool:
-        """False: this engine gives no half-widths, because SciPy has no reliable error estimate."""
-        return False
-
-    @property
-    def builds(self) -> tuple[Build, ...]:
-        """The integrators that this engine has compiled: none, because SciPy compiles nothing."""
-        return ()
 
     def __call__(self, request: Request) -> Result:
         """Integrate the motion that a request describes, with SciPy.

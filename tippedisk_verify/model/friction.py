@@ -304,10 +304,7 @@ class _Linear(FrictionLaw):
 
     is_linear = True
     has_guard = False
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        return ("k",)
+    constants = ("k",)
 
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return c.k * gamma_y
@@ -328,14 +325,8 @@ class _SmoothCoulomb(FrictionLaw):
     """The paper's smooth Coulomb friction law, Eq. lambda_y_3DOF."""
 
     has_guard = False
-
-    @property
-    def title(self) -> str:
-        return "smooth Coulomb"
-
-    @property
-    def constants(self) -> tuple[str, ...]:
-        return ("traction", "epsilon")
+    title = "smooth Coulomb"
+    constants = ("traction", "epsilon")
 
     def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return self.force(ops, gamma_y, c)  # at either sign
