@@ -230,6 +230,8 @@ class FamilyInterpolant:
 
         The scatter and changes are multiplied by the factors of `_pole`.
         """
+        from scipy.ndimage import maximum_filter1d
+
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_ROUNDING_SPACING), 0)[::-1]
         nodes = self.nodes.only(every)
@@ -264,7 +266,10 @@ class FamilyInterpolant:
         # A node next to a fold is lost at its speed. The interpolated numbers are smooth there.
         rows = [*spreads.values(), *(slope for of_name in slopes.values() for slope in of_name)]
         solved = numpy.isfinite(rows).all(axis=0)
-        spreads = {name: _largest_nearby(spread[solved]) for name, spread in spreads.items()}
+        spreads = {
+            name: maximum_filter1d(spread[solved], 3, mode="nearest")
+            for name, spread in spreads.items()
+        }
         slopes = {name: [slope[solved] for slope in of_name] for name, of_name in slopes.items()}
         return self._s[every][solved], spreads, slopes
 
@@ -281,9 +286,3 @@ class FamilyInterpolant:
             numpy.minimum((self._s - self.family.origin) / 2, 0.25), slope / (2 * bend)
         )
         return slope * way
-
-
-def _largest_nearby(values: Array) -> Any:
-    """Return, for each value, the largest of it and its two neighbours."""
-    padded = numpy.pad(values, 1, mode="edge")
-    return numpy.max([padded[k : k + len(values)] for k in range(3)], axis=0)

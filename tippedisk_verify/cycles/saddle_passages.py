@@ -24,6 +24,7 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy
+from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.connection.splitting import first_arrival
 from tippedisk_verify.cycles.section import EXTREME
@@ -38,7 +39,6 @@ from tippedisk_verify.theory.saddle_chart import (
     ChartFamily,
     SaddleChart,
     angles,
-    polynomial,
     solved,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -155,7 +155,7 @@ class GlobalMap:
         The coefficients (5, 7) have a row for each power of sigma, and a column for each number of
         `LinearPassage.arrival`.
         """
-        return polynomial(self._polynomials, distance)
+        return polyval(distance, self._polynomials)
 
     @property
     def slopes(self) -> tuple[tuple[Any, Any], Any]:
@@ -284,7 +284,7 @@ class HalfMap:
             ArithmeticError: If the orbit leaves the saddle on the other side, or the fast
                 coordinate has not decayed.
         """
-        arrival = polynomial(self._arrivals, sigma)
+        arrival = polyval(sigma, self._arrivals)
         point, chart, pieces = arrival[:3], self.arriving, list[ChartFlight]()
         if self._crosses:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)

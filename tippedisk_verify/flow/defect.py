@@ -83,7 +83,8 @@ class Defect:
         self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))
         setting = ops, request.parameters.at(DOUBLE), DOUBLE.number(request.omega), law
         in_doubles = self._nodes.astype(float)
-        matrices = _matrices(jacobian(*setting)(*in_doubles))
+        rows = [numpy.stack(row, axis=-1) for row in jacobian(*setting)(*in_doubles)]
+        matrices = numpy.stack(rows, axis=-2)
         self._system = _system(self._steps[:, 0], _integrals(self._places, self._basis), matrices)
 
         fastest, growing = self._rates_times_steps(matrices)
@@ -290,18 +291,6 @@ class Defect:
         ``gained`` holds the rates of errors that begin with zero.
         """
         return (self._homogeneous @ errors[:-1, None, :, None])[..., 0] + gained
-
-
-def _matrices(rows: Any) -> Any:
-    """Return the Jacobians (n, nodes, 3, 3) at the nodes of all steps, from rows of their entries.
-
-    ``rows`` are three rows of three arrays.
-    """
-    matrices = numpy.empty((*rows[2][2].shape, 3, 3))
-    for i, row in enumerate(rows):
-        for j, entry in enumerate(row):
-            matrices[..., i, j] = entry
-    return matrices
 
 
 def _system(steps: Any, inner: Any, matrices: Any) -> Any:

@@ -28,6 +28,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy
+from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
@@ -35,7 +36,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "polynomial", "solved"]
+__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "solved"]
 
 #: The functions of angles that are given as pairs of their sine and cosine.
 ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
@@ -320,7 +321,7 @@ class ChartFamily:
 
     def at(self, distance: Any) -> SaddleChart:
         """Return the chart at a given distance of the speed from the origin [rad/s]."""
-        values = polynomial(self._polynomials, distance)
+        values = polyval(distance, self._polynomials)
         return SaddleChart(
             self.monomials, values[12:].reshape(3, -1), values[:3], values[3:12].reshape(3, 3)
         )
@@ -361,17 +362,6 @@ def _invariant(
             component.terms[:, of] = terms
         tape.extend(degree)
     return numpy.stack([component.terms for component in (beta, gamma, v)], axis=1)
-
-
-def polynomial(coefficients: Any, variable: Any) -> Any:
-    """Return the value of a polynomial at ``variable``.
-
-    Its coefficients lie along the first axis, the constant one first.
-    """
-    total = coefficients[-1]
-    for term in coefficients[-2::-1]:
-        total = total * variable + term
-    return total
 
 
 def solved(matrix: Any, right: Any) -> Any:
