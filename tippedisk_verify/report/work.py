@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from typing import Any, Literal
@@ -158,17 +158,15 @@ def run(
     alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
     heavy = [task for task in ahead if task not in alone and not _is_cheap(task)]
     light = [task for task in ahead if _is_cheap(task)]
-    if len(heavy) <= _MAX_TASKS_HERE:
-        _compute_in_this_process(job, [*light, *heavy, *alone], keep, advance)
-    else:
-        heavy.sort(key=_cost, reverse=True)  # so that the tasks started last are short
-        with pool(len(heavy)) as executor:
-            if executor is None:
-                _compute_in_this_process(job, [*light, *heavy, *alone], keep, advance)
-            else:
-                _compute_on_executor(job, heavy, light, executor, keep, advance)
-                # Measurements of run time must not share the machine with other tasks.
-                _compute_on_executor(job, alone, [], executor, keep, advance)
+    with pool(len(heavy)) if len(heavy) > _MAX_TASKS_HERE else nullcontext() as executor:
+        if executor is None:
+            _compute_in_this_process(job, [*light, *heavy, *alone], keep, advance)
+        else:
+            # The tasks started last are short.
+            by_cost = sorted(heavy, key=_cost, reverse=True)
+            _compute_on_executor(job, by_cost, light, executor, keep, advance)
+            # Measurements of run time must not share the machine with other tasks.
+            _compute_on_executor(job, alone, [], executor, keep, advance)
     if ahead:
         cache.remove_unused()
     return records, kept
