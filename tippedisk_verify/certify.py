@@ -10,7 +10,6 @@ from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
@@ -377,16 +376,15 @@ class Certifier:
                 return [tuple(number.value for number in cycle) for cycle in numbers]
 
             advance("arcs", 0)
-            proved = partial(
-                prove_family,
+            return prove_family(
                 self.disk,
                 connected_at,
                 cycles_at,
                 until=wanted,
                 pool=workers,
                 watch=watch,
+                stage=lambda name: advance(name, 0),
             )
-            return proved(stage=lambda name: advance(name, 0))
 
 
 def _amplitude(value: object) -> Fraction:
