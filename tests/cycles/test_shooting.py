@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
@@ -31,7 +31,7 @@ ALL = (
     "dgamma_bar_0_domega",
     "dv_0_domega",
 )
-_ENGINE = Taylor()
+_ENGINE = default_engine()
 
 
 @settings(max_examples=12)
