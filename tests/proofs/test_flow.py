@@ -99,7 +99,7 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
 @pytest.mark.parametrize(
     ("disk", "start", "span"),
     [
-        (PRINTED, START, "0.15"),
+        (PRINTED, START, "0.05"),
         # From a hundredth of a second before a sliding reversal, at which the field bends
         (PRINTED.with_friction("smooth"), ("0", "1.725", "-1.7105"), "0.02"),
     ],
