@@ -81,7 +81,7 @@ def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
         "import runpy; from tippedisk_verify import progress; progress._DELAY = 0.0; "
         "runpy.run_module('tippedisk_verify', run_name='__main__')"
     )
-    words = ["sweep", "hopf", "--over", "g=9.7:9.9:99999", "--executor", "serial", "--out"]
+    words = ["sweep", "hopf", "--over", "g=9.7:9.9:9999", "--executor", "serial", "--out"]
     process = subprocess.Popen(
         [sys.executable, "-c", at_once, *words, str(tmp_path / "a.csv")],
         stderr=theirs,

@@ -134,7 +134,7 @@ def nearly_double(draw: st.DrawFn) -> Linearization:
     )
 
 
-@settings(max_examples=150)
+@settings(max_examples=60)
 @given(
     matrix=st.one_of(
         st.builds(Linearization, st.builds(abs, _ENTRIES), _ENTRIES, _ENTRIES, _ENTRIES),
