@@ -122,7 +122,7 @@ def test_nothing_but_the_constant_is_said_of_answers_without_sense(
 
 
 def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
-    (diagnosis,) = _diagnosed({"table1/linear/rhs/001/v_rate": "12.345678901234567"}, store)
+    (diagnosis,) = _diagnosed({"table1/both/rhs/001/M": "12.345678901234567"}, store)
     assert diagnosis.causes == ()
     assert diagnosis.unexplained == 1
 
