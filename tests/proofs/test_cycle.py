@@ -271,8 +271,8 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
         (half_flight, arb("1.7", "0.2"), ball("-1.7"), FlowStatus.TOO_WIDE),
         (half_flight, ball("0.5"), ball(-400), FlowStatus.FLAT),
         (turn_flight, ball("0.3"), ball("0.3"), None),  # turns back
-        (turn_flight, ball("1.2"), ball(1), None),  # lies flat
-        (turn_flight, ball("-0.5"), ball("-0.5"), None),
+        pytest.param(turn_flight, ball("1.2"), ball(1), None, marks=pytest.mark.slow),  # lies flat
+        pytest.param(turn_flight, ball("-0.5"), ball("-0.5"), None, marks=pytest.mark.slow),
     ],
 )
 def test_flights_that_do_not_return(flight, first, v, status) -> None:
