@@ -242,10 +242,9 @@ def _end(
 
 
 @pytest.mark.usefixtures("quick")
-@pytest.mark.slow(minutes=0.3)
 def test_the_other_end_closes_only_what_it_reaches() -> None:
     """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
-    proof = FamilyProof(PRINTED, (piece(), second()))
+    proof = FamilyProof(PRINTED, (piece(), ASSUMED))
     assert not proof.end_closed
     low, high = proof.pieces[-1].speeds(NEXT)
     reaches = replace(proof, end=_end(PRINTED, "30", "30.8850", "3.05"))
