@@ -131,6 +131,7 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
             *(numpy.ravel(part) for part in (values, widths, exact)), strict=True
         ):
             assert abs(TRUTH.mpf(value) - TRUTH.mpf(true)) <= float(width)
+            # The digits asked for; twelve are not checked, as doubles may lose some
             assert digits == 12 or float(width) <= 10.0 ** (1 - digits) * max(
                 1.0, abs(float(value))
             )

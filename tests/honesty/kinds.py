@@ -508,7 +508,7 @@ KINDS = (
     # Eight times the largest of four errors that are four times as large.
     Kind("by passages", by_passages, 0, 12, 5, widest=300),
     Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 0, 4, 0.15),
-    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 0, 3, 0.15),
+    Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
     Kind("Omega_h by bisection", partial(connection, method="bisection"), 1, 5, 0.1),
     Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 2, 0.2),
     Kind(

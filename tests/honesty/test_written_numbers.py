@@ -146,7 +146,7 @@ def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: P
         truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):
             for name, true in zip(("beta [rad]", "gamma [rad]", "v [rad/s]"), state, strict=True):
-                _assert_held(
+                _assert_held(  # to ten decimals
                     row[name],
                     "1e-10",
                     str(tv.exact(true).rational),

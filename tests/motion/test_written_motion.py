@@ -41,6 +41,7 @@ def _held(times: list[str], rows: list[list[tuple[str, str]]], words: str) -> No
         true = truth.y[:, order.index(time)]
         for (value, width), number in zip(row, true, strict=True):
             away = abs(Fraction(value) - tv.exact(number).rational)
+            # Thirty digits of numbers up to 100
             assert away <= Fraction(width) + Fraction(1, 10**28), (words, time, value, width)
 
 
@@ -75,7 +76,7 @@ def test_even_times_are_exact_and_doubles_are_written_in_full() -> None:
     double = disk.integrate("30.4", state, "0.3", t_eval=[0.1])
     assert double.to_dict()["t"] == ["0.1000000000000000055511151231257827021181583404541015625"]
     (third,) = disk.integrate("30.4", state, "1/3", t_eval=["1/3"]).to_dict()["t"]
-    assert abs(Fraction(third) - Fraction(1, 3)) < Fraction(1, 10**49)
+    assert abs(Fraction(third) - Fraction(1, 3)) < Fraction(1, 10**49)  # fifty decimals
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
@@ -112,6 +113,7 @@ def test_missing_half_widths_are_marked(digits: int, friction: tv.Friction) -> N
     assert {float(width) for width in bare.uncertainty.ravel()} == {float("inf")}
     assert [time.rational for time in bare.times] == [time.rational for time in measured.times]
     for mine, true in zip(bare.y.ravel(), measured.y.ravel(), strict=True):
+        # The digits asked for, of numbers up to 10
         assert abs(float(tv.exact(mine).rational - tv.exact(true).rational)) < 10.0 ** -(digits - 1)
     entries = bare.to_dict()
     assert (

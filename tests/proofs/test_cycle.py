@@ -99,7 +99,7 @@ def test_the_reference_values_lie_in_the_proved_intervals() -> None:
     for name, mine in proof.numbers().items():
         value = reference(f"{PLACE}/{name}").measured()
         assert mine.holds(value.value), name
-        assert (
+        assert (  # eight digits, as asked
             mine.uncertainty
             < (abs(mine.value) if name in NUMBERS[:4] else max(1, abs(mine.value))) / 10**8
         ), name
