@@ -15,7 +15,7 @@ from hypothesis import HealthCheck, settings
 from tests.shares import pytest_addoption, pytest_collection_modifyitems, pytest_terminal_summary
 
 if TYPE_CHECKING:
-    from tippedisk_verify.flow.taylor import Taylor
+    from tippedisk_verify.flow.contract import Engine
 
 # what pytest finds here
 __all__ = ["pytest_addoption", "pytest_collection_modifyitems", "pytest_terminal_summary", "taylor"]
@@ -40,8 +40,8 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "ci"))
 
 
 @pytest.fixture(scope="session")
-def taylor() -> Taylor:
-    """One engine for the whole run, so that each kind of integrator is compiled once."""
-    from tippedisk_verify.flow.taylor import Taylor
+def taylor() -> Engine:
+    """The engine that `Disk` uses as well, so that each kind of integrator is compiled once."""
+    from tippedisk_verify.flow import default_engine
 
-    return Taylor()
+    return default_engine()

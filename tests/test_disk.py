@@ -208,14 +208,14 @@ def test_times_are_exact(span) -> None:
 )
 def test_derivatives_by_parameters_hold_differences(named, friction, symbols) -> None:
     """Compare with motions to forty digits, moved by 1e-12, at the end and on the way."""
-    step, times = Fraction(1, 10**12), [Fraction(1, 2), 1, 2]
+    step, times = Fraction(1, 10**12), [Fraction(1, 2), 1]
     disk = tv.Disk(named, friction=friction)
-    mine = disk.integrate("30.4", START, 2, t_eval=times, variations=("state", "omega", *symbols))
+    mine = disk.integrate("30.4", START, 1, t_eval=times, variations=("state", "omega", *symbols))
     for symbol in symbols:
         value = getattr(disk, symbol)
         ahead, behind = (
             tv.Disk(named, friction=friction, **{symbol: value * (1 + sign * step)}).integrate(
-                "30.4", START, 2, t_eval=times, digits=40, half_widths=False
+                "30.4", START, 1, t_eval=times, digits=40, half_widths=False
             )
             for sign in (1, -1)
         )

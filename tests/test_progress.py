@@ -32,11 +32,17 @@ _LONG = {
     "cycle next to Omega_h": lambda: tv.Disk("table1").limit_cycle(above_het="1e-3", digits=20),
     "monodromy matrix": lambda: tv.Disk("table1").limit_cycle("30.41").monodromy,
     # A disk that no other test asks: Omega_h is kept
-    "Omega_h": lambda: tv.Disk("table1", g="9.79").heteroclinic(digits=40),
+    "Omega_h": lambda: tv.Disk("table1", g="9.79").heteroclinic(digits=28),
 }
 
 
-@pytest.mark.parametrize("call", _LONG)
+@pytest.mark.parametrize(
+    "call",
+    [
+        pytest.param(name, marks=pytest.mark.slow(minutes=0.1) if name == "limit cycle" else ())
+        for name in _LONG
+    ],
+)
 def test_long_numbers_report_their_share(call, monkeypatch) -> None:
     """The share only grows, to 100 percent at most, in several steps."""
     steps = [0]

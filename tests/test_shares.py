@@ -23,7 +23,7 @@ def test_quick(): ...
 """
 
 
-@settings(max_examples=40)
+@settings(max_examples=15)
 @given(st.dictionaries(st.text(), st.floats(0.01, 100)), st.integers(1, 12), st.randoms())
 def test_every_study_has_one_share_in_any_order(
     minutes: dict[str, float], count: int, random

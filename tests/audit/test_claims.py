@@ -10,7 +10,7 @@ from tippedisk_verify.audit.catalogue import GROUPS, selected
 from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examined, rounds_to
 from tippedisk_verify.audit.linear_claims import table_box
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.report.results import summary, totals
@@ -114,7 +114,7 @@ def test_a_disk_rounds_to_table_1_by_its_decimals() -> None:
             (2 * low - high, "outside"),
             (2 * high - low, "outside"),
         ):
-            audit = Audit(PRINTED.changed(**{name: value}, name="mine"), Taylor())
+            audit = Audit(PRINTED.changed(**{name: value}, name="mine"), default_engine())
             assert claim.examine(audit, "mine", claim.printed)[0].startswith(inside), (name, value)
     assert table_box()["e"] == (Fraction("2.45e-3"), Fraction("2.55e-3"))
 

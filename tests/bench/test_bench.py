@@ -14,9 +14,9 @@ from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.figures.race import draw_race
 
 TRANSIENT = problem_named("transient")
-#: Methods of each family, at their loosest, a middle and their tightest setting.
+#: Methods of each family, at their loosest and their tightest setting.
 RACED = {
-    method.name: replace(method, settings=[method.settings[n] for n in (0, 2, -1)])
+    method.name: replace(method, settings=[method.settings[n] for n in (0, -1)])
     for method in BENCH_METHODS
     if method.name in ("taylor", "scipy DOP853", "scipy Radau")
 }
@@ -41,7 +41,7 @@ def test_errors_fall_with_the_tolerance(method: str, scores: list[Score]) -> Non
     loosest, tightest = mine[0], mine[-1]
     assert tightest[1] < loosest[1] / 1e4
     # No method is off by more than its tolerance times what a stiff transient of some 30 steps adds
-    # up to.
+    # up to, and by some hundred roundings of numbers of order 10.
     for tolerance, error in mine:
         assert error < 1e3 * tolerance + 1e-13
 

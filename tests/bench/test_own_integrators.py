@@ -82,7 +82,17 @@ def independent_errors(states: np.ndarray) -> np.ndarray:
 ANSWERS = re.findall(r"^## ([^\n]+)\n\n```python\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
 
 
-@pytest.mark.parametrize(("need", "code"), ANSWERS, ids=[need for need, _ in ANSWERS])
+@pytest.mark.parametrize(
+    ("need", "code"),
+    [
+        pytest.param(
+            *answer,
+            id=answer[0],
+            marks=pytest.mark.slow(minutes=0.1) if answer[0] == "Next to Omega_h" else (),
+        )
+        for answer in ANSWERS
+    ],
+)
 def test_an_answer_of_the_page_runs_and_is_as_accurate_as_it_says(need: str, code: str) -> None:
     names: dict[str, Any] = {}
     output = io.StringIO()

@@ -113,10 +113,7 @@ def test_the_c_client_has_the_digits_of_its_arithmetic(
 
 @pytest.mark.parametrize(
     "fault",
-    [
-        pytest.param(n, marks=[] if n in (4, 14) else pytest.mark.slow(minutes=0.1))
-        for n in range(1, 17)
-    ],
+    [pytest.param(n, marks=[] if n == 14 else pytest.mark.slow(minutes=0.1)) for n in range(1, 17)],
 )
 def test_each_fault_of_the_c_client_is_named(
     fault: int, c_client: Path, store: Store, tmp_path: Path
@@ -140,7 +137,6 @@ def test_each_fault_of_the_c_client_is_named(
             "table1/linear/hopf",
             "table1/linear/harmonic",
             "table1/linear/slow-manifold",
-            "table1/smooth/trajectory/a1",
             "table1/linear/limit-cycle/crit-0.5",
         ),
         pytest.param(("table1/",), marks=pytest.mark.slow(minutes=3)),

@@ -97,7 +97,8 @@ def _report(path: Path, text: str) -> Report:
     store = stored()
     answers = read_answers(path, store)
     grades = graded(answers, store)
-    return Report(path.name, answers, grades, levels_of(grades, store.values()), [])
+    asked = [store[grade.id] for grade in grades]
+    return Report(path.name, answers, grades, levels_of(grades, asked), [])
 
 
 def _among_right_ones(folder: Path, text: str) -> Report:

@@ -101,6 +101,7 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
         known.librating_at(fold.omega.value + Fraction(1, 10**8)).cycles()
 
 
+@pytest.mark.slow(minutes=0.1)
 def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     """Cycles are born stable and are unstable next to the connection. In between the speed is
     smallest.

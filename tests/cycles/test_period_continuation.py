@@ -36,7 +36,11 @@ def test_a_cycle_and_its_slopes(taylor) -> None:
     assert cycle.dv_0_domega.holds(by_v / by_omega)
 
 
-@pytest.mark.parametrize("parameters", [PRINTED, CALIBRATED], ids=lambda p: p.name)
+@pytest.mark.parametrize(
+    "parameters",
+    [pytest.param(PRINTED, marks=pytest.mark.slow(minutes=0.1)), CALIBRATED],
+    ids=lambda p: p.name,
+)
 def test_lengthening_leads_to_omega_h(taylor, parameters) -> None:
     """Steps in the period reach Omega_h + 2e-10 in double; T grows like -2 / lambda_u
     log(Omega - Omega_h).

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
-from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
@@ -31,10 +31,10 @@ ALL = (
     "dgamma_bar_0_domega",
     "dv_0_domega",
 )
-_ENGINE = Taylor()
+_ENGINE = default_engine()
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(share=decimals("0.01", "0.97", 4), which=decimals("0", "0.999", 3))
 def test_half_period_full_period_and_balance_agree(share, which) -> None:
     parameters = SETS[int(which * 3)]
@@ -59,7 +59,7 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
 
 @pytest.mark.parametrize(
     ("section", "point"),
-    [(LIBRATING, ("1.69", "-1.72")), (WHOLE_PERIOD, ("1.69", "-1.72")), (ROTATING, ("0.5", "0.1"))],
+    [(LIBRATING, ("1.69", "-1.72")), (ROTATING, ("0.5", "0.1"))],
     ids=lambda value: getattr(value, "name", ""),
 )
 def test_derivatives_of_the_return_map_against_differences(taylor, section, point) -> None:

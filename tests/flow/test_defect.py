@@ -104,12 +104,11 @@ def test_a_second_sweep_removes_the_error_of_second_order(taylor: Taylor, monkey
     ("number", "digits"),
     [
         *((number, 12) for number in range(len(REQUESTS))),
-        (0, 25),
         (3, 25),
         *(
             pytest.param(number, digits, marks=pytest.mark.slow)
             for number, digits in product(range(len(REQUESTS)), (15, 20, 25))
-            if (number, digits) not in ((0, 25), (3, 25))
+            if (number, digits) != (3, 25)
         ),
     ],
 )
@@ -132,6 +131,7 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
             *(numpy.ravel(part) for part in (values, widths, exact)), strict=True
         ):
             assert abs(TRUTH.mpf(value) - TRUTH.mpf(true)) <= float(width)
+            # The digits asked for; twelve are not checked, as doubles may lose some
             assert digits == 12 or float(width) <= 10.0 ** (1 - digits) * max(
                 1.0, abs(float(value))
             )
@@ -144,7 +144,7 @@ def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatc
         test_half_widths_hold(taylor, 1, digits)
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", [pytest.param("linear", marks=pytest.mark.slow), "smooth"])
 def test_digits_beyond_the_defect_come_from_wider_runs(taylor: Taylor, law: Friction) -> None:
     """Run backward along the stiff direction: errors in doubles are as large as the state."""
     disk = Disk("table1", friction=law)

@@ -495,7 +495,7 @@ KINDS = (
     # Beyond doubles a half-width bounds what fewer nodes leave out, which is far more than more of
     # them do.
     Kind("solution", solution, 1, 16, 0.1, widest=1000),
-    Kind("limit cycle", partial(cycle, law="linear"), 1, 8, 1.2),
+    Kind("limit cycle", partial(cycle, law="linear"), 0, 9, 1.3),
     Kind("limit cycle, smooth", partial(cycle, law="smooth"), 0, 4, 0.3),
     Kind("limit cycle, own friction law", partial(cycle, law=ARCTAN), 0, 3, 0.3),
     Kind("limit cycle in double", partial(cycle_in_double, law="linear"), 2, 20, 0.35),
@@ -507,9 +507,9 @@ KINDS = (
     Kind("next to Omega_h, smooth", partial(next_to_omega_h, law="smooth"), 0, 2, 0.5),
     # Eight times the largest of four errors that are four times as large.
     Kind("by passages", by_passages, 0, 12, 5, widest=300),
-    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 1, 3, 0.1),
+    Kind("Omega_h by manifolds", partial(connection, method="manifolds"), 0, 4, 0.15),
     Kind("Omega_h by limit cycles", partial(connection, method="limit-cycles"), 1, 2, 0.1),
-    Kind("Omega_h by bisection", partial(connection, method="bisection"), 2, 4, 0.1),
+    Kind("Omega_h by bisection", partial(connection, method="bisection"), 1, 5, 0.1),
     Kind("Omega_h, smooth", partial(connection, method="manifolds", law="smooth"), 0, 2, 0.2),
     Kind(
         "Omega_h, smooth, by bisection",

@@ -36,7 +36,7 @@ SWEPT = [
     "sweep orbit --over omega=30.3,30.6",
     "sweep equilibria --over omega=30.3,30.6 --over mu=0.2,0.3",
     "sweep hopf --over mu=0.2,0.35",
-    "sweep heteroclinic --over mu=0.3,0.35",
+    pytest.param("sweep heteroclinic --over mu=0.3,0.35", marks=pytest.mark.slow(minutes=0.1)),
     "sweep trajectory --over omega=30.3 --over gamma=2,2.1 --over duration=0.7,2",
 ]
 
@@ -133,7 +133,9 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
             )
 
 
-@pytest.mark.parametrize("scene", ["a", "d", "f"])
+@pytest.mark.parametrize(
+    "scene", ["f", *(pytest.param(scene, marks=pytest.mark.slow(minutes=0.1)) for scene in "ad")]
+)
 def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: Path) -> None:
     printed(f"scene {scene} --out {tmp_path} --quiet")
     disk = tv.Disk("table1")
@@ -144,7 +146,7 @@ def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: P
         truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):
             for name, true in zip(("beta [rad]", "gamma [rad]", "v [rad/s]"), state, strict=True):
-                _assert_held(
+                _assert_held(  # to ten decimals
                     row[name],
                     "1e-10",
                     str(tv.exact(true).rational),

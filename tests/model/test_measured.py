@@ -65,9 +65,9 @@ def expression(draw: Random, depth: int) -> tuple[Measured, Any]:
     return act(mine), of_truth(truth)
 
 
-def test_the_truth_lies_in_three_thousand_expressions() -> None:
+def test_the_truth_lies_in_a_thousand_expressions() -> None:
     refused = 0
-    for index in range(3000):
+    for index in range(1000):
         draw = Random(f"expression/{index}")
         try:
             number, truth = expression(draw, draw.randint(1, 3))
@@ -77,7 +77,7 @@ def test_the_truth_lies_in_three_thousand_expressions() -> None:
         true = fraction(truth)
         for value, width in ((number.value, number.uncertainty), map(Fraction, number.decimals())):
             assert abs(true - value) <= width + abs(true) * _TRUTH, index
-    assert refused < 1000
+    assert refused < 333
 
 
 @pytest.mark.parametrize("name", [*FUNCTIONS, *range(-4, 5), Fraction(1, 3), Fraction(-7, 2)])

@@ -394,7 +394,7 @@ def test_the_enclosures_hold_points_and_rays() -> None:
     only one is enclosed.
     """
     rng, n = random.Random(2), enclosed()
-    for _ in range(30):
+    for _ in range(10):
         z = [arb(rng.uniform(-0.999, 0.999) * extent) for extent in GIVEN["extents"]]
         omega = ball(SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * Fraction(rng.randint(0, 100), 100))
         rates, slopes, by = SaddleCoordinates(DISK, "linear", omega, DIRECTIONS).field(z)

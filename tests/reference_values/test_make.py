@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import random
-import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -26,9 +25,8 @@ from tippedisk_verify.reference_values.store import Store, quantity_definitions,
 SETS = ("table1", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
 HOPF = ("table1/linear/hopf", "calibrated/linear/hopf")
-QUICK = (
-    *HOPF,
-    *(f"{name}/{kind}" for name in SETS for kind in ("both/equilibrium/", "linear/harmonic")),
+QUICK = tuple(
+    f"calibrated/{kind}" for kind in ("both/equilibrium/", "linear/hopf", "linear/harmonic")
 )
 
 
@@ -69,10 +67,9 @@ def test_questions_are_where_the_rules_put_them(kind: str) -> None:
 def test_the_further_methods_agree() -> None:
     for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
         entries = [entry for entry in stored_questions(stored()) if entry.item.kind == kind]
-        for entry in random.Random(7).sample(entries, min(2, len(entries))):
-            values = entry.values("doubles")
-            answers = confirmed(case_of(entry.item, "doubles"), values)
-            assert any(answers.values()) or entry.item.friction == "both"
+        entry = random.Random(7).choice(entries)
+        answers = confirmed(case_of(entry.item, "doubles"), entry.values("doubles"))
+        assert any(answers.values()) or entry.item.friction == "both"
 
 
 @pytest.mark.slow(minutes=0.5)
@@ -111,11 +108,9 @@ def test_a_false_value_is_excluded_by_another_method(
 # -------------------------------------------------------------------------------------------- runs
 def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     """Compare to the half-widths, because the last digits depend on the libraries."""
-    assert generate(tmp_path, QUICK) == 50
+    assert generate(tmp_path, QUICK) == 25
     made = Store(tmp_path)
-    assert list(made) == [
-        id_ for id_ in stored() if re.match("[a-z0-9]+/(both/equilibrium|linear/(hopf|harm))", id_)
-    ]
+    assert list(made) == [id_ for id_ in stored() if id_.startswith(QUICK)]
     for id_, quantity in made.items():
         known = stored()[id_]
         assert (quantity.unit, quantity.inputs, quantity.grade) == (

@@ -16,7 +16,7 @@ from tippedisk_verify.audit.claims import Audit, Finding, examined
 from tippedisk_verify.cache import VARIABLE, Cache
 from tippedisk_verify.commands.jobs import processes
 from tippedisk_verify.figures.catalogue import EXHIBITS
-from tippedisk_verify.flow.taylor import Taylor
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.report import work
 from tippedisk_verify.report.work import AuditJob, Task, key, run, tasks_for
@@ -41,7 +41,7 @@ def alone(tasks: int) -> AbstractContextManager[None]:
 
 
 def test_a_record_loses_nothing() -> None:
-    audit = Audit(PRINTED, Taylor())
+    audit = Audit(PRINTED, default_engine())
     for claim in selected([*LOCAL, "attraction", "order_1_hopf"]):
         finding = examined(audit, claim)
         record = json.loads(json.dumps(finding.record()))

@@ -96,7 +96,7 @@ def third_order(
     return parts[0], parts[1]
 
 
-@settings(max_examples=25)
+@settings(max_examples=10)
 @given(
     parameters=physical_parameters(),
     omega=decimals("1", "60"),
@@ -165,7 +165,7 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
     return Law(square, birth + shift * square, shift, constant)
 
 
-@settings(max_examples=12)
+@settings(max_examples=7)
 @given(
     parameters=physical_parameters(),
     share=decimals("0.001", "0.1"),
@@ -215,7 +215,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                 )
 
 
-@settings(max_examples=12)
+@settings(max_examples=6)
 @given(
     parameters=physical_parameters(), form=st.sampled_from(FORMS), digits=st.sampled_from((6, 12))
 )
