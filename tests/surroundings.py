@@ -131,8 +131,8 @@ COMMANDS = (
     "reference show table1/linear/hopf/point/period",
     "nothing",
 )
-#: What every engine says of itself.
-_ENGINE = ("builds", "measures_error", "name")
+#: The properties of each engine.
+_ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.Baseline: ("name",)}
 #: A call of each, or of several by their names. What a result can be asked is asked of a new one, so
 #: that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
@@ -260,10 +260,10 @@ CALLS: dict[str, Callable[[], Any]] = {
     ],
     "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
     **{
-        " ".join(f"{kind.__name__}.{name}" for name in _ENGINE): partial(
-            lambda kind: _asked(kind(), *_ENGINE), kind
+        " ".join(f"{kind.__name__}.{name}" for name in names): partial(
+            lambda kind: _asked(kind(), *_ENGINES[kind]), kind
         )
-        for kind in (tv.Taylor, tv.Baseline)
+        for kind, names in _ENGINES.items()
     },
     "Taylor.__call__": lambda: (
         tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state
