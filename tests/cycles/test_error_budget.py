@@ -119,7 +119,8 @@ class LinearMap:
         self.precision, self.omega, self.images = bits(200), 1, 0
         self._slopes = [self.precision.number(slope) for slope in slopes]
 
-    def flight(self, point: Any) -> Any:
+    def flight(self, point: Any, *, variations: bool) -> Any:
+        self.images += variations
         return SimpleNamespace(state=point)
 
     def residual(self, state: Any, _: Any) -> Any:
@@ -128,10 +129,9 @@ class LinearMap:
             a * (x - number(t)) for a, x, t in zip(self._slopes, state, self.truth, strict=True)
         ]
 
-    def __call__(self, point: Any) -> Any:
-        self.images += 1
+    def image(self, point: Any, flight: Any) -> Any:
         zero, (a, b) = self.precision.number(0), self._slopes
-        return derivatives(((1 + a, zero), (zero, 1 + b)), self.residual(point, point))
+        return derivatives(((1 + a, zero), (zero, 1 + b)), self.residual(flight.state, point))
 
 
 def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
