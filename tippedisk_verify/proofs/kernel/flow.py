@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
-from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, magnitude
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
@@ -68,7 +68,7 @@ class StepProposer(Protocol):
     def step(self, path: Path, longest: Any) -> Step | None:
         """Return the next step of the path, of at most ``longest`` seconds, or None to give up.
 
-        The step is made by `Path.trial`. The flight asks again, for a shorter step, if it cannot
+        The step is made by a `Trial` of the path. The flight asks again, for a shorter step, if it cannot
         use this one.
         """
 
@@ -195,14 +195,6 @@ class Path:
         Omega.
         """
         return self.frame.matrix()
-
-    def trial(self, orders: tuple[int, int]) -> Trial:
-        """Return the Taylor series from the path's current states, on which step lengths are tried.
-
-        The first of the ``orders`` is that of the midpoint's orbit, the second that of the orbits
-        from the box.
-        """
-        return Trial(self, orders)
 
     def step(self, longest: Any = None) -> Step | None:
         """Ask the proposer for the next step of the path, of at most ``longest`` seconds, and

@@ -195,7 +195,8 @@ class CurveReplay:
             self.number < len(self.log), "the return is not reached: there are no further steps"
         )
         self.number += 1
-        return path.step_of(path.trial(ORDERS), as_float(self.log[self.number - 1]["share"]))
+        share = as_float(self.log[self.number - 1]["share"])
+        return Trial(path, ORDERS).tested((path.total * share).mid())
 
     def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
@@ -246,14 +247,6 @@ class CurvePath(Path):
         Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
         """
 
-    def step_of(self, trial: Trial, share: float) -> Step:
-        """Return a step of the flight, proved or not, whose length is a ``share`` of the time of
-        flight.
-
-        ``trial`` holds the Taylor series from which the step is made.
-        """
-        return trial.tested((self.total * share).mid())
-
 
 def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
     """Yield beta_bar and its derivatives for each part of a step in which v may be 0, so that
@@ -284,7 +277,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     """Enclose the half map, from section to section, for all starts on a curve and in the box about
     it.
 
-    ``choices`` is a `flow.StepProposer` whose steps come from `CurvePath.step_of`. Raises Unproved,
+    ``choices`` is a `flow.StepProposer` whose steps are shares of the curve's ``total``. Raises Unproved,
     with the number of the step that fails.
     """
     path = CurvePath(constants, curve, choices)

@@ -30,7 +30,7 @@ from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import law_model
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
     "BOX",
@@ -218,7 +218,7 @@ class StepReplay:
         if part is None:
             return None
         length, orders = part
-        step = path.trial(orders).tested(length)
+        step = Trial(path, orders).tested(length)
         require(
             step.included,
             f"{self._place()}: the states and derivatives over it are not shown to "

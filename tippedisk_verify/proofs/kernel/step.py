@@ -149,6 +149,9 @@ def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 class Trial:
     """The Taylor series of all orbits from a path's current set of states, on which step lengths
     are tried.
+
+    The first of the ``orders`` is that of the midpoint's orbit, the second that of the orbits from
+    the box.
     """
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:

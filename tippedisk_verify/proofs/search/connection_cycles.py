@@ -11,7 +11,7 @@ Balls become points and floats everywhere: any choice that the kernel accepts is
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
 from fractions import Fraction
@@ -277,8 +277,8 @@ class _EndSearch(ChoiceSearch):
         ]
         drift = arb_mat(grows).solve(arb_mat([[-part * _SAFETY_FACTOR] for part in n.stirred]))
         return {
-            "steep": _points(_STEEP),
-            "compound": _points(_COMPOUND),
+            "steep": [ball(weight).mid() for weight in _STEEP],
+            "compound": [ball(weight).mid() for weight in _COMPOUND],
             "drift": [abs_upper(x).mid() for x in drift.entries()],
             "flat": flat,
             "lipschitz": lipschitz,
@@ -299,14 +299,11 @@ class _EndSearch(ChoiceSearch):
         wide = (abs(further - arrival) + abs(slower - arrival)) * _EXCESS_WIDTH
         lid = abs(arrival)
         for _ in range(_ROUNDS):
-            reach = float(self._return_map(n, lid).exits[1]) / _SLOW_CELL
+            if lid > float(n.extents[0]) / 2:
+                raise Stopped(ConnectionCyclesStatus.NO_LID)
+            reach = float(LoopMap(n, self._entry(n, lid)).exits[1]) / _SLOW_CELL
             lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
         return self._entry(n, lid * self.factor)
-
-    def _return_map(self, n: Passage, lid: float) -> LoopMap:
-        if lid > float(n.extents[0]) / 2:
-            raise Stopped(ConnectionCyclesStatus.NO_LID)
-        return LoopMap(n, self._entry(n, lid))
 
     def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
         """Return the sizes of the sets D and Q of the proof, for a given height of D (the lid).
@@ -389,10 +386,6 @@ class _EndSearch(ChoiceSearch):
                 return times, arrived
             before = z
         raise Unproved("flight 1: it does not arrive")
-
-
-def _points(numbers: Sequence[Fraction]) -> list[Any]:
-    return [ball(number).mid() for number in numbers]
 
 
 def _decimal_above(x: Any) -> Fraction:

@@ -36,7 +36,7 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
-from tippedisk_verify.proofs.kernel.step import Step, polynomial
+from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.search.proof import Stopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
@@ -93,11 +93,11 @@ class CurveStepSearch:
         used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = path.trial(ORDERS)
+        trial = Trial(path, ORDERS)
         for _ in range(_MAX_TRIALS):
             text = self._next()
             share = float(text)
-            step = path.step_of(trial, share)
+            step = trial.tested((path.total * share).mid())
             excess = max(
                 _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
                 _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),

@@ -238,7 +238,18 @@ class CycleAttempt:
                         _shortage(fixed, evidence),
                     )
                 else:
-                    proof = self.concluded(fixed)
+                    values = cycle.cycle_numbers(self.section, fixed)
+                    proof = CycleProof(
+                        self.section,
+                        CycleStatus.PROVED,
+                        f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
+                        self.parameters,
+                        self.omega,
+                        self.bits,
+                        values,
+                        stable=cycle.stability(values),
+                        reversals=cycle.reversals(self.section, fixed),
+                    )
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
@@ -348,26 +359,6 @@ class CycleAttempt:
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
-
-    def concluded(self, fixed: FixedPoints) -> CycleProof:
-        """Return the proof of a limit cycle, with its numbers, from a passed Krawczyk test
-        ``fixed``.
-        """
-        values, where = (
-            cycle.cycle_numbers(self.section, fixed),
-            f"{fixed.centre.steps} + {fixed.box.steps} steps",
-        )
-        return CycleProof(
-            self.section,
-            CycleStatus.PROVED,
-            f"in {self.bits} bits, {where}",
-            self.parameters,
-            self.omega,
-            self.bits,
-            values,
-            stable=cycle.stability(values),
-            reversals=cycle.reversals(self.section, fixed),
-        )
 
 
 def _not_followed(flight: Return) -> Stopped:

@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
 from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.kernel.step import Step, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
 __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
 
@@ -76,7 +76,7 @@ class FlightStepSearch:
         order = _order(bits)
         allowed, rough_allowed = _allowed(path, bits)
         rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _MIN_ORDER
-        trial = path.trial((order, rough_order))
+        trial = Trial(path, (order, rough_order))
         if rough_order < order:
             stiffness = float(abs(trial.wide[11][1]).abs_upper())
             longest = min(

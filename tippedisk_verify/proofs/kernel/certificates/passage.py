@@ -117,7 +117,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = ["Passage", "arrivals"]
 
@@ -460,7 +460,7 @@ def arrivals(
     tops: list[list[Any]] = []
     turned = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = path.trial((_ORDER, _ORDER)).tested(BallArray(lengths))
+        step = Trial(path, (_ORDER, _ORDER)).tested(BallArray(lengths))
         _all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
