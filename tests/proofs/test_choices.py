@@ -15,7 +15,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, short_float
 from tippedisk_verify.proofs.kernel.section import LIBRATING_SECTION, Return, return_map
 from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.kernel.step import Step
+from tippedisk_verify.proofs.kernel.step import Step, Trial
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA, START = "30.4", (1.7, -1.72)
@@ -33,7 +33,7 @@ class Careless(FlightStepSearch):
 
     def step(self, path: Path, longest: float | None) -> Step | None:
         for _ in range(60):
-            trial = path.trial((self.draw.randint(2, 24), self.draw.randint(2, 12)))
+            trial = Trial(path, (self.draw.randint(2, 24), self.draw.randint(2, 12)))
             step = trial.tested(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
             if step.included:
                 return step
@@ -89,7 +89,7 @@ class Stale(FlightStepSearch):
     trial: Any = None
 
     def step(self, path: Path, longest: float | None) -> Step | None:
-        self.trial = self.trial or path.trial((16, 8))
+        self.trial = self.trial or Trial(path, (16, 8))
         return self.trial.tested(2.0**-9)
 
 

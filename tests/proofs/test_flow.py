@@ -16,6 +16,7 @@ from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.step import Trial
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
@@ -76,23 +77,15 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
-        trial = (
-            Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch()).trial((18, 16))
-        )
+        path = Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch())
+        trial = Trial(path, (18, 16))
         assert [trial.tested(length).included for length in lengths] == shown
         array_model = Model(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
         )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        assert (
-            list(
-                array_model.path(start, FlightStepSearch())
-                .trial((18, 16))
-                .tested(BallArray(lengths))
-                .included
-            )
-            == shown
-        )
+        trial = Trial(array_model.path(start, FlightStepSearch()), (18, 16))
+        assert list(trial.tested(BallArray(lengths)).included) == shown
 
 
 # ----------------------------------------------------------------------------------- the integrator
