@@ -12,7 +12,7 @@ print(f"slow multiplier   {cycle.multiplier_slow}")
 
 # SciPy's DOP853 once around: it must come back to where it began.
 start = (0, cycle.gamma_bar_0.value, cycle.v_0.value)
-scipy = tv.Baseline("DOP853")
+scipy = tv.ScipyEngine("DOP853")
 end = disk.integrate(cycle.omega.value, start, cycle.period.value, shifted=True, engine=scipy).y[
     :, -1
 ]

@@ -6,9 +6,9 @@ import sys
 
 import tippedisk_verify as tv
 from tippedisk_verify.figures.state_space import draw_scenes_3d
-from tippedisk_verify.motion.scenes import computed_scene
+from tippedisk_verify.motion.scenes import compute_scene
 
 target = sys.argv[1] if len(sys.argv) > 1 else "scenes.png"
-panels = [computed_scene(tv.scene_named(name), tv.PRINTED, tv.Taylor()) for name in "df"]
+panels = [compute_scene(tv.scene_named(name), tv.PRINTED, tv.Taylor()) for name in "df"]
 draw_scenes_3d(panels).savefig(target, dpi=120)
 print(", ".join(f"scene {panel.scene.name}: {panel.orbits[0].ending.kind}" for panel in panels))

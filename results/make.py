@@ -24,7 +24,7 @@ from tippedisk_verify.commands.conformance_sources import CLIENTS
 from tippedisk_verify.commands.conformance_sources import FOLDER as SOURCES
 from tippedisk_verify.conformance.sheet import questions, sheet_csv
 from tippedisk_verify.files import csv_text, write_text
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 
 HERE = Path(__file__).parent
 KINDS = ("trajectory", "limit-cycle", "near-heteroclinic")
@@ -86,7 +86,7 @@ def _cycle(disk: tv.Disk, inputs: dict[str, str]) -> dict[str, float]:
 
 
 def _scipy(method: str, tolerance: float) -> dict[str, str]:
-    return answered(stored(), PREFIXES, method, tolerance)
+    return answered(load_store(), PREFIXES, method, tolerance)
 
 
 def _client(*commands: list[str]) -> dict[str, str]:
@@ -96,7 +96,9 @@ def _client(*commands: list[str]) -> dict[str, str]:
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_text(folder / "sheet.csv", sheet_csv(stored(), questions(stored(), sets=("table1",))))
+        write_text(
+            folder / "sheet.csv", sheet_csv(load_store(), questions(load_store(), sets=("table1",)))
+        )
         for command in commands:
             subprocess.run(command, check=True, cwd=folder)
         rows = csv.DictReader((folder / "answers.csv").read_text(encoding="utf-8").splitlines())

@@ -45,7 +45,7 @@ ID, START = "table1/linear/hopf/point/period", ("pi/2", "pi/2 + 0.4", 0)
 #: The classes whose public methods and properties are called, beside the package's functions.
 CLASSES = (
     *(tv.Disk, Certifier, tv.Solution, Cycle, Branch, Heteroclinic, BasinBoundary, tv.Measured),
-    *(tv.Taylor, tv.Baseline, tv.BatchTaylor),
+    *(tv.Taylor, tv.ScipyEngine, tv.BatchTaylor),
 )
 
 
@@ -132,12 +132,12 @@ COMMANDS = (
     "nothing",
 )
 #: The properties of each engine.
-_ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.Baseline: ("name",)}
+_ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.ScipyEngine: ("name",)}
 #: A call of each, or of several by their names. What a result can be asked is asked of a new one, so
 #: that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
     "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
-    "balanced_cycle": lambda: tv.balanced_cycle(DISK, "30.4"),
+    "spectral_cycle": lambda: tv.spectral_cycle(DISK, "30.4"),
     "basins": lambda: tv.basins(DISK, "30.4", count=30, duration=5),
     "bisect_omega_h": lambda: tv.bisect_omega_h(DISK, tv.Taylor(), confirm=False),
     "bits": lambda: tv.bits(100),
@@ -176,7 +176,7 @@ CALLS: dict[str, Callable[[], Any]] = {
         for disk, digits, engine in (
             (DISK, 12, None),
             (LAW, 12, None),
-            (DISK, 12, tv.Baseline()),
+            (DISK, 12, tv.ScipyEngine()),
         )
     ],
     "Disk.jacobian": lambda: DISK.jacobian("30.4")(0, [1.5, 1.6, 0]),
@@ -268,7 +268,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "Taylor.__call__": lambda: (
         tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state
     ),
-    "Baseline.__call__": lambda: tv.Baseline()(tv.Request(DISK, "30.4", START, 1)).state,
+    "ScipyEngine.__call__": lambda: tv.ScipyEngine()(tv.Request(DISK, "30.4", START, 1)).state,
     "BatchTaylor.__call__": lambda: tv.BatchTaylor(1)(
         _CONSTANTS, [30.4], [[1.5, 1.6, 0.0]], [1.0], divergence=True
     ),
@@ -299,7 +299,7 @@ SLOW = {
 #: What takes longer than a fifth of a second.
 LONG = (
     *SLOW,
-    "balanced_cycle",
+    "spectral_cycle",
     "bisect_omega_h",
     "grade",
     "Disk.basin_boundary",

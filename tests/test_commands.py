@@ -16,7 +16,7 @@ from tippedisk_verify.bench.problems import PROBLEMS
 from tippedisk_verify.cli import cli
 from tippedisk_verify.commands import common
 from tippedisk_verify.model import results
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 from tippedisk_verify.theory.hopf import HopfPoint
 
 CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
@@ -173,7 +173,7 @@ def test_on_a_terminal_lines_end_between_words(
 
 def test_units_are_those_of_the_reference_data() -> None:
     compared = set()
-    for quantity in stored().values():
+    for quantity in load_store().values():
         name = quantity.id.rsplit("/", 1)[-1]
         # What the commands print has the meaning of these kinds; "beta@0.5" and the like have no
         # name here.

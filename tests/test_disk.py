@@ -79,7 +79,7 @@ def test_a_text_for_a_list_is_one_number() -> None:
             lambda: tv.Disk("table1").certify.limit_cycle(tv.Disk("table1").heteroclinic().omega_h),
             "from Omega_h",
         ),
-        (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or Baseline\(\)"),
+        (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or ScipyEngine\(\)"),
         (lambda: tv.Disk("table1").branch([]), "1 to"),
         # a text for a list
         (lambda: tv.Disk("table1").branch("30.4,30.5"), None),
@@ -248,7 +248,7 @@ def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> Non
     disk, times = tv.Disk("table1"), [0.25, 0.5]
     mine, theirs = (
         disk.integrate("30.4", START, 0.5, t_eval=times, variations="B", engine=engine)
-        for engine in (None, tv.Baseline())
+        for engine in (None, tv.ScipyEngine())
     )
     # SciPy's tolerance is relative to derivatives of order 1e3 here.
     assert abs(mine.by["B"].y - theirs.by["B"].y).max() < 1e-6
@@ -318,7 +318,7 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
         lambda: tv.hopf_point(SMOOTH),
         lambda: tv.one_harmonic(SMOOTH, "30.4"),
         lambda: one_harmonic_law.slopes(SMOOTH),
-        lambda: tv.balanced_cycle(SMOOTH, "30.4"),
+        lambda: tv.spectral_cycle(SMOOTH, "30.4"),
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),
         lambda: proved_hopf(SMOOTH),

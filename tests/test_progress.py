@@ -61,13 +61,13 @@ def test_long_numbers_report_their_share(call, monkeypatch) -> None:
 def test_only_the_outermost_progress_is_shown(monkeypatch) -> None:
     started: list[Thread] = []
     monkeypatch.setattr(Thread, "start", lambda thread: started.append(thread))
-    with progress.progress_of() as unseen:
+    with progress.show_progress() as unseen:
         unseen("nothing", 1)
     assert not started  # nobody sees the standard error of a test
     monkeypatch.setattr(progress, "_has_viewer", lambda: True)
-    with progress.progress_of(), progress.progress_of(3) as inner:
+    with progress.show_progress(), progress.show_progress(3) as inner:
         inner("nothing", 1)
-    with progress.progress_of(progress=False), progress.shown_share("nothing"):
+    with progress.show_progress(progress=False), progress.show_share("nothing"):
         progress.report_share(0.5)
     assert len(started) == 1
     progress.report_share(0.5)  # outside any work
@@ -97,7 +97,7 @@ def test_long_work_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, ca
     monkeypatch.setattr(sys, "stderr", output)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(progress, "_DELAY", 0.0)
-    with progress.progress_of(5) as advance:
+    with progress.show_progress(5) as advance:
         advance("cycles", 2)
         while terminal and not re.search(r"2/5.* left .*\d:\d\d:\d\d", output.getvalue()):
             time.sleep(0.01)
@@ -121,7 +121,7 @@ def test_a_notebook_that_is_run_to_a_file_stores_one_output_for_each_work() -> N
         progress._DELAY = progress._BETWEEN_DRAWINGS = 0.0
         for total in (5, 0):
             drawn = threading.Semaphore(0)
-            with progress.progress_of(total) as advance:
+            with progress.show_progress(total) as advance:
                 advance("cycles", 2)
                 for _ in range(3):
                     drawn.acquire()

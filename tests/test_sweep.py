@@ -16,7 +16,7 @@ from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
-from tippedisk_verify.sweep.plan import Plan, axis, computed
+from tippedisk_verify.sweep.plan import Plan, axis, run_analysis
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -62,7 +62,7 @@ def test_ranges_are_exact() -> None:
     ("analysis", "name", "value"), [("orbit", "omega", "31.5"), ("hopf", "e", "0.9")]
 )
 def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: str) -> None:
-    row = computed(analysis, PRINTED, 12, {name: value})
+    row = run_analysis(analysis, PRINTED, 12, {name: value})
     assert list(row) == [name, "status"]
     assert ("eccentricity" in row["status"]) == (name == "e")
 
@@ -89,7 +89,7 @@ def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: s
 def test_a_row_holds_its_inputs_and_its_results(
     analysis: str, point: dict[str, str], found: dict[str, str]
 ) -> None:
-    row = computed(analysis, PRINTED, 12, point)
+    row = run_analysis(analysis, PRINTED, 12, point)
     expected = {**point, "status": "ok", **found}
     assert {name: row[name] for name in expected} == expected
     results = [name for name in row if f"{name}_uncertainty" in row]
@@ -128,7 +128,7 @@ _TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
 def _swept(out: Path) -> list[int]:
     """Sweep `_TEN` in this process and return the points that were computed."""
     with asked() as points:
-        assert running.swept(_TEN, out, lambda: nullcontext(None)) == (10, 0)
+        assert running.run_sweep(_TEN, out, lambda: nullcontext(None)) == (10, 0)
     return points
 
 
@@ -211,5 +211,5 @@ def test_processes_that_always_die_end_the_sweep(tmp_path: Path) -> None:
             raise BrokenExecutor("it died")
 
     with pytest.raises(AccuracyError, match="it died; 0 of 10 points are kept"):
-        running.swept(_TEN, tmp_path / "a.csv", Dead)
+        running.run_sweep(_TEN, tmp_path / "a.csv", Dead)
     assert list(tmp_path.iterdir()) == []

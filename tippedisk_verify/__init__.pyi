@@ -11,16 +11,16 @@ from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h as cycle_above_omega_h
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic as heteroclinic
 from tippedisk_verify.cycles.shooting import shoot_limit_cycle as shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import balanced_cycle as balanced_cycle
+from tippedisk_verify.cycles.spectral import spectral_cycle as spectral_cycle
 from tippedisk_verify.disk import Disk as Disk
 from tippedisk_verify.errors import AccuracyError as AccuracyError
 from tippedisk_verify.errors import InputError as InputError
-from tippedisk_verify.flow.baseline import Baseline as Baseline
 from tippedisk_verify.flow.batch import BatchTaylor as BatchTaylor
 from tippedisk_verify.flow.contract import Event as Event
 from tippedisk_verify.flow.contract import Request as Request
 from tippedisk_verify.flow.contract import Result as Result
 from tippedisk_verify.flow.contract import Status as Status
+from tippedisk_verify.flow.scipy_engine import ScipyEngine as ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor as Taylor
 from tippedisk_verify.model.exact import Exact as Exact
 from tippedisk_verify.model.exact import exact as exact
@@ -36,7 +36,7 @@ from tippedisk_verify.model.precision import QUADRUPLE as QUADRUPLE
 from tippedisk_verify.model.precision import Precision as Precision
 from tippedisk_verify.model.precision import bits as bits
 from tippedisk_verify.motion.basins import basins as basins
-from tippedisk_verify.motion.result_files import load as load
+from tippedisk_verify.motion.saved_results import load as load
 from tippedisk_verify.motion.scenes import SCENES as SCENES
 from tippedisk_verify.motion.scenes import scene_named as scene_named
 from tippedisk_verify.motion.solution import Solution as Solution

@@ -3,12 +3,12 @@
 Ctrl-C is answered from the first moment, before anything else is imported.
 """
 
-from tippedisk_verify.interrupts import handling_ctrl_c
+from tippedisk_verify.interrupts import handle_ctrl_c
 
 
 def entry() -> None:
     """Run the command line and end the process with its exit status."""
-    with handling_ctrl_c():
+    with handle_ctrl_c():
         from tippedisk_verify.cli import entry as run
 
         run()

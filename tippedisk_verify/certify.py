@@ -13,9 +13,9 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
-from tippedisk_verify.progress import progress_of
+from tippedisk_verify.model.exact import exact, short_text
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.progress import show_progress
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
@@ -24,12 +24,12 @@ if TYPE_CHECKING:
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
-    from tippedisk_verify.proofs.search.connection import ProvedConnection
-    from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
-    from tippedisk_verify.proofs.search.cycle import CycleProof
-    from tippedisk_verify.proofs.search.family import FamilyProof
+    from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
+    from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
+    from tippedisk_verify.proofs.search.cycle_proof import CycleProof
     from tippedisk_verify.proofs.search.family_intervals import Interval
-    from tippedisk_verify.proofs.search.fold import FoldProof
+    from tippedisk_verify.proofs.search.family_proof import FamilyProof
+    from tippedisk_verify.proofs.search.fold_proof import FoldProof
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
 __all__ = ["Certifier"]
@@ -41,7 +41,7 @@ _MIN_DISTANCE = Fraction(1, 10**7)
 Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
-@undisturbed_methods
+@ignore_numpy_errors_in_methods
 @dataclass(frozen=True)
 class Certifier:
     """The proofs of one disk: numbers as enclosures, each with the statement that is proved.
@@ -139,7 +139,7 @@ class Certifier:
             InputError: If the speed lies next to Omega_h and no guess is given; `near_omega_h`
                 proves those cycles.
         """
-        from tippedisk_verify.proofs.search.cycle import (
+        from tippedisk_verify.proofs.search.cycle_proof import (
             LIBRATING_SECTION,
             ROTATING_SECTION,
             CycleProof,
@@ -197,8 +197,8 @@ class Certifier:
             InputError: If the disk has the smooth friction law, the family has no such fold, or it
                 has several and ``number`` is left out.
         """
-        from tippedisk_verify.proofs.kernel.certificates.fold import names
-        from tippedisk_verify.proofs.search.fold import (
+        from tippedisk_verify.proofs.kernel.certificates.fold import claimed_names
+        from tippedisk_verify.proofs.search.fold_proof import (
             LIBRATING_SECTION,
             ROTATING_SECTION,
             FoldProof,
@@ -232,7 +232,7 @@ class Certifier:
                 f"there is no fold {number}: this family has {len(folds)} "
                 f"fold{'s' if len(folds) > 1 else ''}"
             )
-        omega, first, second, _ = names(section)
+        omega, first, second, _ = claimed_names(section)
         near = [getattr(folds[number - 1], name).value for name in (first, second, omega)]
         return prove_fold(self.disk, near, digits=digits, section=section)
 
@@ -253,7 +253,7 @@ class Certifier:
         Raises:
             InputError: If the number of digits is larger than a proof offers.
         """
-        from tippedisk_verify.proofs.search.connection import (
+        from tippedisk_verify.proofs.search.connection_proof import (
             MAX_DIGITS,
             ConnectionStatus,
             ProvedConnection,
@@ -262,7 +262,7 @@ class Certifier:
 
         if digits > MAX_DIGITS:
             raise InputError(f"a proof of Omega_h is offered to {MAX_DIGITS} digits, not {digits}")
-        with progress_of(2, progress) as advance:
+        with show_progress(2, progress) as advance:
             try:
                 advance("an approximation", 0)
                 guess = (
@@ -297,7 +297,7 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
-        from tippedisk_verify.proofs.search.connection_cycles import (
+        from tippedisk_verify.proofs.search.connection_cycles_proof import (
             checked_distance,
             prove_connection_cycles,
         )
@@ -305,7 +305,7 @@ class Certifier:
         checked_distance(distance)
         self.disk.refuse_unless_linear("limit cycles next to the connection are proved")
         connection, shares = self.heteroclinic(near, digits=digits, progress=progress), [0]
-        with progress_of(100, progress) as advance:
+        with show_progress(100, progress) as advance:
 
             def watch(share: float) -> None:
                 shares.append(int(100 * share))
@@ -344,7 +344,9 @@ class Certifier:
         self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
         count = 0
-        with progress_of(int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress) as advance:
+        with show_progress(
+            int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress
+        ) as advance:
 
             def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
                 nonlocal count
@@ -397,6 +399,6 @@ def _amplitude(value: object) -> Fraction:
     if number.pi_multiple or not 0 < number.rational < _MAX_AMPLITUDE:
         raise InputError(
             f"an amplitude is a decimal between 0 and {float(_MAX_AMPLITUDE)} "
-            f"rad, not {shown(value)}"
+            f"rad, not {short_text(value)}"
         )
     return number.rational

@@ -19,9 +19,9 @@ from typing import IO
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.interrupts import cleaning_up, uninterrupted
+from tippedisk_verify.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
 
-__all__ = ["Program", "started"]
+__all__ = ["Program", "start_program"]
 
 _MAX_LINE = 100_000  # bytes of a line that are kept; an answer has two thousand at most
 _MAX_STDERR_LINES, _MAX_STDERR_WIDTH = (
@@ -36,7 +36,7 @@ _END_TIMEOUT = 5.0  # s, the longest time for a program to end after its input h
 class Program:
     """A running program, which answers questions line by line.
 
-    `started` starts one, and makes sure that it ends.
+    `start_program` starts one, and makes sure that it ends.
 
     Args:
         command: The command and its arguments.
@@ -238,7 +238,7 @@ def _shown(line: bytes) -> str:
 
 
 @contextmanager
-def started(command: Sequence[str], limit: float) -> Iterator[Program]:
+def start_program(command: Sequence[str], limit: float) -> Iterator[Program]:
     """Start a program, and end it on exit.
 
     Args:
@@ -254,9 +254,9 @@ def started(command: Sequence[str], limit: float) -> Iterator[Program]:
         for program in running:
             program.kill()
 
-    with cleaning_up(kill):
+    with clean_up_on_ctrl_c(kill):
         try:
-            with uninterrupted():
+            with postpone_ctrl_c():
                 running.append(Program(command, limit))
             yield running[0]
         finally:

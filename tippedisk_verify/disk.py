@@ -20,13 +20,13 @@ from tippedisk_verify.model.equations import (
     checked_speeds,
     field,
     jacobian,
-    one_speed,
+    require_one_speed,
 )
-from tippedisk_verify.model.exact import fraction, shown
+from tippedisk_verify.model.exact import fraction, short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.progress import progress_of, shown_share, watched
+from tippedisk_verify.progress import show_progress, show_share, with_progress
 
 if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.sensitivity import Sensitivity
-    from tippedisk_verify.cycles.spectral import BalancedCycle
+    from tippedisk_verify.cycles.spectral import SpectralCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
@@ -84,7 +84,7 @@ class Disk(Parameters):
     ) -> None:
         if named is not None:
             if not isinstance(named, str | PathLike):
-                raise InputError(f"a disk is named by a text, not by {shown(named)}")
+                raise InputError(f"a disk is named by a text, not by {short_text(named)}")
             known = Parameters.named(named)
             name = "custom" if values else known.name  # a changed disk is no longer the named one
             kept = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
@@ -151,13 +151,15 @@ class Disk(Parameters):
             InputError: If not exactly one of the four is given, or it cannot be used.
             NoConnectionError: If the disk has no Omega_h.
         """
-        one_speed(omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het)
+        require_one_speed(
+            omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het
+        )
         if above_het is None and below_het is None:
             return self._speed(omega, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:
             raise InputError(
-                f"a distance from Omega_h is a positive decimal, not {shown(distance)}"
+                f"a distance from Omega_h is a positive decimal, not {short_text(distance)}"
             )
         omega_h = self.heteroclinic(
             digits=digits + 2 + max(0, -decimal_magnitude(distance))
@@ -281,7 +283,7 @@ class Disk(Parameters):
         if unknown:
             raise UnknownKeywordError(
                 f"integrate has no {', '.join(unknown)}: `digits` or `rtol` sets the accuracy, `engine`"
-                " the integrator, such as Baseline('DOP853'), and the solution sol(t) the dense output"
+                " the integrator, such as ScipyEngine('DOP853'), and the solution sol(t) the dense output"
             )
         motion = Motion(
             self,
@@ -298,7 +300,7 @@ class Disk(Parameters):
             max_steps=max_steps,
             half_widths=half_widths,
         )
-        with progress_of(progress=progress if motion.is_long else False) as advance:
+        with show_progress(progress=progress if motion.is_long else False) as advance:
             advance("motion", 0)
             result = motion.engine(motion.request)
         return motion.solution(result)
@@ -357,7 +359,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.motion.basins import basins
 
-        with progress_of(count if isinstance(count, int) else 0, progress) as advance:
+        with show_progress(count if isinstance(count, int) else 0, progress) as advance:
             return basins(self, omega, count=count, advance=advance, **options)
 
     def basin_boundary(self, omega: object, *, engine: Engine | None = None) -> BasinBoundary:
@@ -391,14 +393,14 @@ class Disk(Parameters):
         Raises:
             InputError: If there is no such panel, or ``omega_h`` is not a speed.
         """
-        from tippedisk_verify.motion.scenes import computed_scene, scene_named
+        from tippedisk_verify.motion.scenes import compute_scene, scene_named
 
         scene, engine = scene_named(name), self._engine(engine)
         if omega_h is not None:
             omega_h = Measured(checked_speed(omega_h), getattr(omega_h, "uncertainty", Fraction(0)))
         elif scene.base == "Omega_h":
             omega_h = self.heteroclinic(engine=engine).omega_h
-        return computed_scene(scene, self, engine, omega_h=omega_h)
+        return compute_scene(scene, self, engine, omega_h=omega_h)
 
     # --------------------------------------------------------------------------------- limit cycles
     def limit_cycle(
@@ -441,7 +443,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 
-        one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
+        require_one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
         if above_het is not None:
             if stable is not None:
                 raise InputError(
@@ -450,10 +452,10 @@ class Disk(Parameters):
                 )
             from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 
-            with shown_share("limit cycle", progress):
+            with show_share("limit cycle", progress):
                 return cycle_above_omega_h(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
-        with shown_share("limit cycle", progress):
+        with show_share("limit cycle", progress):
             cycle = cycle_at(
                 self,
                 speed.value,
@@ -466,7 +468,7 @@ class Disk(Parameters):
 
     def harmonic_balance(
         self, omega: object, *, harmonics: int | None = None, digits: int = 12
-    ) -> BalancedCycle:
+    ) -> SpectralCycle:
         """Find the limit cycle by harmonic balance of the full equations, without an integrator.
 
         Args:
@@ -483,9 +485,9 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.spectral import balanced_cycle
+        from tippedisk_verify.cycles.spectral import spectral_cycle
 
-        return balanced_cycle(self, omega, digits=digits, harmonics=harmonics)
+        return spectral_cycle(self, omega, digits=digits, harmonics=harmonics)
 
     def folds(self, *, digits: int = 12, engine: Engine | None = None) -> Folds:
         """Find the folds, where two limit cycles about inverted spinning meet and end.
@@ -552,11 +554,11 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
         from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 
-        one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
+        require_one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
             how: dict[str, Any] = {"stable": stable, "digits": digits, "half_widths": half_widths}
-            with shown_share("rotating cycle", progress):
+            with show_share("rotating cycle", progress):
                 cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
@@ -564,7 +566,7 @@ class Disk(Parameters):
                 "below_het leads to stable rotating cycles: give the unstable one's "
                 "speed with omega"
             )
-        with shown_share("rotating cycle", progress):
+        with show_share("rotating cycle", progress):
             return rotating_cycle_below_omega_h(
                 self, below_het, self._engine(engine), digits=digits
             )
@@ -597,14 +599,14 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.branch import (
             DEFAULT_ROTATIONS,
-            not_all_missing,
+            require_some_cycle,
             rotating_branch,
         )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds, half_widths=half_widths)
         total = 2 * len(speeds or ()) or DEFAULT_ROTATIONS
-        return not_all_missing(watched(cycles, "limit cycles", total, progress))
+        return require_some_cycle(with_progress(cycles, "limit cycles", total, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
         """Find the fold, where the stable and the unstable rotating cycles meet and end.
@@ -662,7 +664,7 @@ class Disk(Parameters):
             PAPER_COUNT,
             Branch,
             librating_branch,
-            not_all_missing,
+            require_some_cycle,
         )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
@@ -674,7 +676,7 @@ class Disk(Parameters):
             half_widths=half_widths,
         )
         total = PAPER_COUNT if paper_sets else len(speeds or ()) or DEFAULT_COUNT
-        return Branch.of(not_all_missing(watched(cycles, "limit cycles", total, progress)))
+        return Branch.of(require_some_cycle(with_progress(cycles, "limit cycles", total, progress)))
 
     def heteroclinic(
         self,
@@ -705,7 +707,7 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
-        with shown_share("Omega_h", progress):
+        with show_share("Omega_h", progress):
             return heteroclinic(self, self._engine(engine), **how)
 
     def sensitivity(self, *, digits: int = 12, engine: Engine | None = None) -> Sensitivity:
@@ -787,7 +789,9 @@ class Disk(Parameters):
         """
         if engine is not None:
             if not hasattr(engine, "measures_error") or isinstance(engine, type):
-                raise InputError(f"an engine is Taylor() or Baseline(), not {shown(engine)}")
+                raise InputError(
+                    f"an engine is Taylor() or ScipyEngine(), not {short_text(engine)}"
+                )
             return engine
         from tippedisk_verify.flow import default_engine
 

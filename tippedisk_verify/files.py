@@ -20,11 +20,11 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import cleaning_up, uninterrupted
+from tippedisk_verify.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
 
 __all__ = [
+    "checked_file_path",
     "csv_text",
-    "file_ending_in",
     "file_lock",
     "output_file",
     "output_folder",
@@ -55,7 +55,7 @@ def output_folder(path: str | Path) -> Path:
         if folder.exists() and not folder.is_dir():
             raise OSError(_obstacle(folder))
         folder.mkdir(parents=True, exist_ok=True)
-        with uninterrupted(), tempfile.TemporaryFile(dir=folder):
+        with postpone_ctrl_c(), tempfile.TemporaryFile(dir=folder):
             pass
     return folder
 
@@ -112,7 +112,7 @@ def write_bytes(path: Path, content: bytes) -> Path:
         InputError: If the path is not that of a regular file, or cannot be written.
     """
     path = path.resolve() if path.is_symlink() else path
-    with _refused(f"{_named(path)} cannot be written"), uninterrupted():
+    with _refused(f"{_named(path)} cannot be written"), postpone_ctrl_c():
         if path.exists() and not path.is_file():
             raise OSError(_obstacle(path))
         descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
@@ -180,7 +180,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     return write_text(path, csv_text(header, rows))
 
 
-def file_ending_in(path: str, *kinds: str) -> Path:
+def checked_file_path(path: str, *kinds: str) -> Path:
     """Check the path of a file to write and its ending, such as ".csv", and return the path.
 
     Args:
@@ -275,7 +275,7 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
     refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
-    with file_lock(folder / ".lock", refusal), cleaning_up(remove):
+    with file_lock(folder / ".lock", refusal), clean_up_on_ctrl_c(remove):
         try:
             yield folder
         finally:

@@ -5,7 +5,7 @@ an import by an extension module the exception is printed and lost. In an import
 module behind. So the command line raises nothing. The signal's handler undoes what must not stay,
 writes one line and ends the process.
 
-Only `handling_ctrl_c` changes the process's signals, and only the command line's entry calls it. In a
+Only `handle_ctrl_c` changes the process's signals, and only the command line's entry calls it. In a
 program that imports the package, signals keep the effect that the program gives them. Other signals
 have their usual effect: files are written as a whole, and worker processes end with their parent,
 however it ends.
@@ -19,7 +19,7 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
-__all__ = ["children_without_ctrl_c", "cleaning_up", "handling_ctrl_c", "uninterrupted"]
+__all__ = ["children_without_ctrl_c", "clean_up_on_ctrl_c", "handle_ctrl_c", "postpone_ctrl_c"]
 
 # Lists, because appending and removing are single steps to other threads and to the handler.
 _holding: list[None] = []
@@ -28,7 +28,7 @@ _pressed: list[bool] = []
 
 
 @contextmanager
-def handling_ctrl_c() -> Iterator[None]:
+def handle_ctrl_c() -> Iterator[None]:
     """Let Ctrl-C end this process as the module describes. Call it in the main thread.
 
     Once the context is left, Ctrl-C is ignored: all output is out by then, and Python's shutdown
@@ -42,7 +42,7 @@ def handling_ctrl_c() -> Iterator[None]:
 
 
 @contextmanager
-def uninterrupted() -> Iterator[None]:
+def postpone_ctrl_c() -> Iterator[None]:
     """Postpone the answer to Ctrl-C until the context is left.
 
     It is for short steps that must be done completely or not at all.
@@ -57,7 +57,7 @@ def uninterrupted() -> Iterator[None]:
 
 
 @contextmanager
-def cleaning_up(action: Callable[[], object]) -> Iterator[None]:
+def clean_up_on_ctrl_c(action: Callable[[], object]) -> Iterator[None]:
     """Let the answer to Ctrl-C call ``action`` while the context is entered.
 
     The action can run between any two steps of the main thread. So it must not wait for a lock that
@@ -93,7 +93,7 @@ def _handle(number: int, frame: object) -> None:
 
 
 def _end_process() -> None:
-    _holding.append(None)  # an action may itself enter `uninterrupted`
+    _holding.append(None)  # an action may itself enter `postpone_ctrl_c`
     stream = None if sys.stderr is None else 2  # if it was closed from the start, 2 may be any file
     try:
         if stream is not None:

@@ -1,8 +1,8 @@
 """Progress of long work: a bar on a terminal's standard error, one output in a notebook.
 
 Anywhere else nothing is shown. A computation reports its steps by calling an `Advance`. Its caller
-decides with `progress_of` whether they are shown. A single number that takes long reports its share
-with `report_share`, and its caller decides with `shown_share`.
+decides with `show_progress` whether they are shown. A single number that takes long reports its
+share with `report_share`, and its caller decides with `show_share`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from multiprocessing import parent_process
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-__all__ = ["Advance", "progress_of", "report_share", "shown_share", "subrange", "watched"]
+__all__ = ["Advance", "report_share", "show_progress", "show_share", "subrange", "with_progress"]
 
 #: A function of the name of the work and the number of steps done since the last call.
 Advance = Callable[[str, int], None]
@@ -27,20 +27,20 @@ Item = TypeVar("Item")
 _DELAY = 2.0  # s before anything is shown
 _BETWEEN_DRAWINGS = 0.1  # s
 # The function that takes the share of the work that is done, and the part of it between two shares
-# that the computation is in; None outside `shown_share`
+# that the computation is in; None outside `show_share`
 _PART: ContextVar[tuple[Callable[[float], None], float, float] | None] = ContextVar(
     "part", default=None
 )
-# True inside `progress_of`, where no second one is shown
+# True inside `show_progress`, where no second one is shown
 _WITHIN: ContextVar[bool] = ContextVar("within", default=False)
 
 
 @contextmanager
-def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advance]:
+def show_progress(total: int = 0, progress: bool | None = None) -> Iterator[Advance]:
     """Yield an `Advance` that shows its steps if they take longer than two seconds.
 
     A separate thread draws them, so the clock also advances within a step. Within another
-    `progress_of`, and in a worker's process, nothing is shown.
+    `show_progress`, and in a worker's process, nothing is shown.
 
     Args:
         total: The number of steps, or 0 if it is not known.
@@ -57,7 +57,7 @@ def progress_of(total: int = 0, progress: bool | None = None) -> Iterator[Advanc
 
 @contextmanager
 def _shown(total: int, wanted: bool) -> Iterator[Advance]:
-    """Yield a function that shows progress, as `progress_of` does, or that shows nothing if it is
+    """Yield a function that shows progress, as `show_progress` does, or that shows nothing if it is
     not ``wanted``.
     """
     # Starting a thread takes as long as a fifth of a limit cycle.
@@ -161,10 +161,10 @@ def _in_notebook(total: int) -> Iterator[Advance]:
     yield draw
 
 
-def watched(
+def with_progress(
     items: Iterable[Item], label: str, total: int = 0, progress: bool | None = None
 ) -> Iterator[Item]:
-    """Yield the items as they come, and show each as a step of `progress_of`.
+    """Yield the items as they come, and show each as a step of `show_progress`.
 
     Args:
         items: The items.
@@ -172,7 +172,7 @@ def watched(
         total: The number of items, or 0 if it is not known.
         progress: False shows nothing.
     """
-    with progress_of(total, progress) as advance:
+    with show_progress(total, progress) as advance:
         advance(label, 0)
         for item in items:
             advance(label, 1)
@@ -180,7 +180,7 @@ def watched(
 
 
 @contextmanager
-def shown_share(label: str, progress: bool | None = None) -> Iterator[None]:
+def show_share(label: str, progress: bool | None = None) -> Iterator[None]:
     """Show the share of a computation that `report_share` reports, in percent.
 
     Args:
@@ -195,7 +195,7 @@ def shown_share(label: str, progress: bool | None = None) -> Iterator[None]:
         advance("", percent - done)
         done = percent
 
-    with progress_of(100, progress) as advance:
+    with show_progress(100, progress) as advance:
         advance(label, 0)
         _PART.set((show, 0.0, 1.0))
         try:

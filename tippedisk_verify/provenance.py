@@ -23,7 +23,7 @@ __all__ = [
 ]
 
 _ROOT = Path(__file__).parent
-#: The sub-packages that compute numbers.
+# The sub-packages that compute numbers.
 _COMPUTING = (
     "model",
     "theory",

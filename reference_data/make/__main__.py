@@ -12,7 +12,7 @@ sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
 from tippedisk_verify.commands.common import OutputOptions, command  # noqa: E402
 from tippedisk_verify.commands.jobs import jobs_option, processes  # noqa: E402
-from tippedisk_verify.interrupts import handling_ctrl_c  # noqa: E402
+from tippedisk_verify.interrupts import handle_ctrl_c  # noqa: E402
 
 
 @command(
@@ -37,7 +37,7 @@ def make(output: OutputOptions, prefixes: tuple[str, ...], out: str, jobs: int |
 
 
 if __name__ == "__main__":
-    with handling_ctrl_c():
+    with handle_ctrl_c():
         from tippedisk_verify.cli import cli, entry
 
         cli.add_command(make)

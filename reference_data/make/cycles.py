@@ -7,17 +7,17 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.cycles.folds import fold_near
-from tippedisk_verify.cycles.section import EXTREME, GAMMA_TURN, ROTATING
-from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_fold, spectral_rotation
+from tippedisk_verify.cycles.section import EXTREME, FULL_ROTATION, ROTATING
+from tippedisk_verify.cycles.spectral import spectral_cycle, spectral_fold, spectral_rotation
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Event, Request, Status
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
-from tippedisk_verify.reference_values.items import Case, Values
+from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
@@ -39,7 +39,7 @@ _BALANCED, _COLLOCATED, _COLLOCATED_FOLD = 40, 34, 42
 _BITS = 180  # 54 digits; a period of a rotating cycle amplifies errors by less than 10^6
 _HALF = _BITS // 2  # a difference quotient with the step 2^-_HALF keeps half of the bits
 _QUARTER = PI * Fraction(1, 2)
-_TOP = Event("top", GAMMA_TURN.function, direction=GAMMA_TURN.direction, terminal=False)
+_TOP = Event("top", FULL_ROTATION.function, direction=FULL_ROTATION.direction, terminal=False)
 
 
 def omega_h_for(case: Case) -> Fraction:
@@ -264,7 +264,7 @@ def balance(case: Case, values: Values) -> Values:
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
-    cycle = balanced_cycle(case.disk, omega, digits=_BALANCED)
+    cycle = spectral_cycle(case.disk, omega, digits=_BALANCED)
     return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
@@ -290,7 +290,7 @@ def scipy(case: Case, values: Values) -> Values:
 
     The method claims nine digits; the data record its distance from the value.
     """
-    point = shoot_known_cycle(case, values, Baseline())
+    point = shoot_known_cycle(case, values, ScipyEngine())
     if case.item.kind == "rotating-cycle":
         numbers = {
             "period": point.image.time,
@@ -317,7 +317,7 @@ def fold_by_scipy(case: Case, values: Values) -> Values:
     """
     names = ("beta_bar_top", "v_top", "omega")
     beta_bar, v, omega = (float(values[name]) for name in names)
-    at, _ = fold_near(ROTATING, case.disk, (beta_bar, v, omega), Baseline())
+    at, _ = fold_near(ROTATING, case.disk, (beta_bar, v, omega), ScipyEngine())
     return {
         name: Measured.of(value, abs(value) * 1e-7) for name, value in zip(names, at, strict=True)
     }

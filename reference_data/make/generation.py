@@ -32,7 +32,6 @@ from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import stored_questions
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
-from tippedisk_verify.reference_values.items import Item
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
     FILES,
@@ -44,7 +43,8 @@ from tippedisk_verify.reference_values.manifest import (
     manifest_text,
     sound_files,
 )
-from tippedisk_verify.reference_values.store import stored, table_rows
+from tippedisk_verify.reference_values.questions import ReferenceQuestion
+from tippedisk_verify.reference_values.store import load_store, table_rows
 
 __all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
 
@@ -96,11 +96,11 @@ def generate(
         return len(items)
 
 
-def items_of(prefixes: Sequence[str] = ()) -> list[Item]:
+def items_of(prefixes: Sequence[str] = ()) -> list[ReferenceQuestion]:
     """Return the questions of the table whose ids start with one of the prefixes, in its order."""
     return [
         entry.item
-        for entry in stored_questions(stored())
+        for entry in stored_questions(load_store())
         if entry.item.id.startswith(tuple(prefixes) or "")
     ]
 
@@ -111,7 +111,7 @@ def _code() -> str:
     return digest([code_version(), here])
 
 
-def _computed(job: tuple[Item, Path, str]) -> dict[str, Any]:
+def _computed(job: tuple[ReferenceQuestion, Path, str]) -> dict[str, Any]:
     """Return an entry's answer, from the work folder or computed and stored there.
 
     Raises:

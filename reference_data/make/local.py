@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.jit import heyoka_module
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.equations import field, terms
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.reference_values.items import Case, Values
+from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.truths import (
     BITS,
     DIGITS,
@@ -177,7 +177,7 @@ def orbit_by_scipy(case: Case, values: Values) -> Values:
     The change that a hundredfold looser tolerance makes bounds the error.
     """
     tight, loose = (
-        trajectory_numbers(case, 12, engine=PlainEngine(Baseline("DOP853"), tolerance))
+        trajectory_numbers(case, 12, engine=PlainEngine(ScipyEngine("DOP853"), tolerance))
         for tolerance in (1e-13, 1e-11)
     )
     return {

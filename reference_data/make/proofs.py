@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.items import Case, Values
+from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
@@ -78,7 +78,7 @@ def _hopf(case: Case, values: Values) -> Proof:
 
 
 def _connection(case: Case, values: Values) -> Proof:
-    from tippedisk_verify.proofs.search.connection import prove_connection
+    from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
     # Start as the command does: the stored value has too few digits for so short an interval.
     near = case.disk.heteroclinic(digits=_OMEGA_H_DIGITS + 5).omega_h.value
@@ -96,7 +96,7 @@ def _connection(case: Case, values: Values) -> Proof:
 
 
 def _cycle(case: Case, values: Values) -> Proof:
-    from tippedisk_verify.proofs.search.cycle import prove_cycle
+    from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 
     omega = case.item.inputs["Omega"]
     proof = prove_cycle(

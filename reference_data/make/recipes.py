@@ -14,17 +14,17 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.items import (
+from tippedisk_verify.reference_values.manifest import data_folder, sound_files
+from tippedisk_verify.reference_values.questions import (
     STORED_DIGITS,
     Case,
-    Item,
     Reading,
+    ReferenceQuestion,
     Values,
     case_of,
     disagreements,
     rounded_to_digits,
 )
-from tippedisk_verify.reference_values.manifest import data_folder, sound_files
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
@@ -106,7 +106,7 @@ def confirmed(case: Case, values: Values) -> dict[str, Values]:
     return answers
 
 
-def answered(item: Item) -> dict[str, Any]:
+def answered(item: ReferenceQuestion) -> dict[str, Any]:
     """Answer a question.
 
     Returns:

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from tippedisk_verify.audit import citations
-from tippedisk_verify.audit.catalogue import CLAIMS
-from tippedisk_verify.audit.citations import cited
+from tippedisk_verify.audit.citations import published_numbers
+from tippedisk_verify.audit.claim_catalogue import CLAIMS
 
 OUTLINE = Path(__file__).with_name("outline.tex")
 _PLACE = re.compile(r"\\(?:begin\{(\w+)\}|((?:sub)*section)\{\})(.*)")
@@ -56,11 +56,14 @@ def test_every_number_is_the_outlines() -> None:
 
 
 def test_what_is_cited() -> None:
-    assert cited("eq:3DOF_lin, eq:A_coeff_O") == "eq. (13), eq. (14)"
-    assert cited("below eq:Csol+2") == "below eq. (50)"
-    assert cited("tab:dim_mass, fig:hom, sec:discussion") == "Table 1, Figure 7b, Section 6"
+    assert published_numbers("eq:3DOF_lin, eq:A_coeff_O") == "eq. (13), eq. (14)"
+    assert published_numbers("below eq:Csol+2") == "below eq. (50)"
+    assert (
+        published_numbers("tab:dim_mass, fig:hom, sec:discussion")
+        == "Table 1, Figure 7b, Section 6"
+    )
     with pytest.raises(KeyError):
-        cited("eq:nonsense")
+        published_numbers("eq:nonsense")
     assert {claim.name for claim in CLAIMS if not claim.labels} == {
         claim.name for claim in CLAIMS if claim.own_check
     }

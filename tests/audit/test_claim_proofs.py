@@ -15,9 +15,9 @@ import pytest
 
 from tests.command_line import printed
 from tests.test_cli import GOOD
-from tippedisk_verify.audit.catalogue import CLAIMS, selected
+from tippedisk_verify.audit.claim_catalogue import CLAIMS, select_claims
 from tippedisk_verify.audit.claim_proofs import ClaimProof, proof_of
-from tippedisk_verify.audit.claims import Audit, Claim, Finding, examined, rounds_to, sets_with
+from tippedisk_verify.audit.claims import Audit, Claim, Finding, examine_claim, rounds_to, sets_with
 from tippedisk_verify.audit.linear_claims import table_box
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
@@ -156,8 +156,8 @@ def _prove(claim: Claim, finding: Finding, proof: ClaimProof, sets: Collection[s
 def _proofs(parameters: Parameters, wanted: set[str]) -> dict[str, tuple[Claim, Finding, Any]]:
     audit = Audit(parameters, default_engine())
     found = {}
-    for claim in selected(sorted(wanted)):
-        finding = examined(audit, claim)
+    for claim in select_claims(sorted(wanted)):
+        finding = examine_claim(audit, claim)
         found[claim.name] = (claim, finding, proof_of(claim, finding, audit.sets))
     return found
 
@@ -242,7 +242,7 @@ def test_theorems_and_commands_exist() -> None:
 
 def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof | None:
     """Return the proof of a claim with given verdicts."""
-    (claim,) = selected([name])
+    (claim,) = select_claims([name])
     sets = sets_with(parameters)
     holds = dict.fromkeys(sets, True) | answers
     return proof_of(claim, Finding(dict.fromkeys(sets, "-"), holds), sets)
@@ -280,7 +280,7 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
 
 def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
     """A_33 = -129.045 exactly rounds to -129.04, by half a unit: twelve digits cannot decide."""
-    (claim,) = selected(["lambda_3"])
+    (claim,) = select_claims(["lambda_3"])
     sets = {"edge.toml": PRINTED.changed(name="edge.toml"), "table1": PRINTED}
     computed = {
         "edge.toml": Measured(Fraction("-129.045"), Fraction(0)),

@@ -22,10 +22,10 @@ from tippedisk_verify.audit import (
     linear_claims,
     manifold_claims,
 )
-from tippedisk_verify.audit.catalogue import CLAIMS
-from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examined
+from tippedisk_verify.audit.claim_catalogue import CLAIMS
+from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examine_claim
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
-from tippedisk_verify.flow import baseline
+from tippedisk_verify.flow import scipy_engine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.measured import Measured
@@ -85,7 +85,7 @@ def connects(change: Callable[[Any], dict[str, Any]]) -> Plant:
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
         true = audit.connection("table1")
-        patch.setitem(audit._kept, ("connection", "table1"), replace(true, **change(true)))
+        patch.setitem(audit._results, ("connection", "table1"), replace(true, **change(true)))
         return audit, claim
 
     return plant
@@ -95,10 +95,10 @@ def ends(scene: str, kind: Any) -> Plant:
     """Return a plant: another end of the first of a scene's orbits."""
 
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
-        true = audit.panel(scene, "table1")
+        true = audit.computed_scene(scene, "table1")
         first, second = true.orbits
         contrary = replace(first, ending=replace(first.ending, kind=kind))
-        patch.setitem(audit._kept, (scene, "table1"), replace(true, orbits=(contrary, second)))
+        patch.setitem(audit._results, (scene, "table1"), replace(true, orbits=(contrary, second)))
         return audit, claim
 
     return plant
@@ -112,7 +112,7 @@ def another_disk(**values: object) -> Plant:
 def _a_longer_cycle(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
     first, *others = audit.family("table1")
     longer = replace(first, period=Measured(first.period.value * 10, first.period.uncertainty))
-    patch.setitem(audit._kept, ("family", "table1"), (longer, *others))
+    patch.setitem(audit._results, ("family", "table1"), (longer, *others))
     return audit, claim
 
 
@@ -120,7 +120,7 @@ def _with(part: str, powers: tuple[int, int, int], factor: int) -> Callable[...,
     """Return the printed expansion with one coefficient multiplied."""
 
     def printed(constants: Any, omega: Any) -> Any:
-        true = expansion.printed(constants, omega)
+        true = expansion.printed_expansion(constants, omega)
         entries = getattr(true, part)
         return true._replace(**{part: entries | {powers: factor * entries[powers]}})
 
@@ -150,7 +150,7 @@ def _methods_apart(parameters: Parameters, engine: Any, *, digits: int, method: 
     return replace(found, omega_h=moved) if method == "limit-cycles" else found
 
 
-class _Drifting(baseline.Baseline):
+class _Drifting(scipy_engine.ScipyEngine):
     """An integrator with an error of a millionth."""
 
     def __call__(self, request: Any) -> Any:
@@ -181,10 +181,14 @@ PLANTS: dict[str, Plant] = {
     "noninverted_unstable": linearizes(
         lambda matrix, p: matrix._replace(A31=-(10**6), A32=-matrix.A32)
     ),
-    "expansion_mass": follows(balance_claims, "printed", _with("mass", (2, 0, 0), 2)),
-    "expansion_gyroscopic": follows(balance_claims, "printed", expansion.derived),
-    "expansion_gravity": follows(balance_claims, "printed", expansion.derived),
-    "expansion_friction": follows(balance_claims, "printed", _with("friction", (2, 0, 1), -1)),
+    "expansion_mass": follows(balance_claims, "printed_expansion", _with("mass", (2, 0, 0), 2)),
+    "expansion_gyroscopic": follows(
+        balance_claims, "printed_expansion", expansion.derived_expansion
+    ),
+    "expansion_gravity": follows(balance_claims, "printed_expansion", expansion.derived_expansion),
+    "expansion_friction": follows(
+        balance_claims, "printed_expansion", _with("friction", (2, 0, 1), -1)
+    ),
     "kappa_1": follows(one_harmonic_law, "kappa_1", _consistent(one_harmonic_law.kappa_1)),
     "kappa_2": follows(one_harmonic_law, "kappa_2", _consistent(one_harmonic_law.kappa_2)),
     "delta": follows(one_harmonic_law, "delta", _consistent(one_harmonic_law.delta)),
@@ -247,7 +251,7 @@ PLANTS: dict[str, Plant] = {
         "normal_force_over_weight",
         lambda ops, constants, omega, state, rate: ops.cos(state[1]),
     ),
-    "engines_agree": follows(baseline, "Baseline", _Drifting),
+    "engines_agree": follows(scipy_engine, "ScipyEngine", _Drifting),
     "globally_attractive": follows(
         friction_claims,
         "jacobian",
@@ -288,8 +292,8 @@ def test_a_contrary_fact_changes_the_verdict(
     claim: Claim, audit: Audit, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert claim.name in PLANTS, "each claim has a fact that would change its verdict"
-    before = examined(audit, claim)
-    after = examined(*PLANTS[claim.name](monkeypatch, audit, claim))
+    before = examine_claim(audit, claim)
+    after = examine_claim(*PLANTS[claim.name](monkeypatch, audit, claim))
     assert (
         claim.unit
         or claim.name in ("table_1", "convergent_series")

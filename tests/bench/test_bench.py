@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.bench.measurement import Score, raced, ratios
+from tippedisk_verify.bench.measurement import Score, run_race, run_time_ratios
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.peers import PEERS
 from tippedisk_verify.bench.problems import problem_named
-from tippedisk_verify.figures.race import draw_race
+from tippedisk_verify.figures.race_figure import draw_race
 
 TRANSIENT = problem_named("transient")
 #: Methods of each family, at their loosest and their tightest setting.
@@ -24,7 +24,7 @@ RACED = {
 
 @pytest.fixture(scope="module")
 def scores() -> list[Score]:
-    return raced([TRANSIENT], list(RACED.values()))
+    return run_race([TRANSIENT], list(RACED.values()))
 
 
 def test_every_method_and_setting_has_a_score(scores: list[Score]) -> None:
@@ -52,7 +52,7 @@ def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> 
             raise ArithmeticError("no such luck")
         return Prepared(lambda duration: None, lambda: MethodRun("gave up", []))
 
-    found = raced([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
+    found = run_race([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
     assert [score.status for score in found] == ["gave up", "failed: no such luck"]
     assert all(score.error is None and score.seconds is None for score in found)
     axis = draw_race(found).axes[0]
@@ -104,7 +104,7 @@ def test_ratios_name_the_fastest_within_a_bound() -> None:
         score("scipy", "tight", 1e-9, 300.0),
         score("scipy", "x", None, 1.0),
     ]
-    found = ratios(
+    found = run_time_ratios(
         [*mine, *scipy, score("diffrax", "only", 1e-11, 50.0), score("reduced", "x", 1e-16, 0.1)]
     )
     bounds = [row["error_at_most"] for row in found]

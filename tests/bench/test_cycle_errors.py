@@ -15,7 +15,7 @@ from scipy.stats import linregress
 
 import tippedisk_verify as tv
 from tests.command_line import answer
-from tippedisk_verify.bench.measurement import Score, fitted_order, raced
+from tippedisk_verify.bench.measurement import Score, fitted_order, run_race
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.own_methods import user_method
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
@@ -139,7 +139,7 @@ def test_a_program_and_the_suites_methods_have_these_errors(tmp_path: Path) -> N
     )
     with program_method(f"{sys.executable} {script}", 1e-6) as program:
         suite = [one for one in BENCH_METHODS if one.name in ("taylor", "scipy LSODA, compiled")]
-        scores = raced([cycle], [program, user_method("mine", rk4, 1e-6), *suite])
+        scores = run_race([cycle], [program, user_method("mine", rk4, 1e-6), *suite])
     by = {(score.method, score.setting): score.error or 1.0 for score in scores}
     # Both do the same arithmetic. Rounding is below 1e-13 s.
     assert by["program", "1e-06"] == pytest.approx(by["mine", "1e-06"], abs=1e-13)
@@ -228,7 +228,7 @@ def test_a_counter_is_used_if_it_rises_with_each_setting() -> None:
 
     rising = method("rising", {1e-2: 10, 1e-3: 20, 1e-4: 40})
     falling = method("falling", {1e-2: 40, 1e-3: 20, 1e-4: 40})
-    scores = raced([tv.problem_named("transient")], [rising, falling])
+    scores = run_race([tv.problem_named("transient")], [rising, falling])
     costs = {score.method: score.order_cost for score in scores}
     assert costs == {"rising": "evaluations", "falling": "setting"}
     orders = {score.method: score.order for score in scores}

@@ -23,7 +23,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
-from tippedisk_verify.bench.measurement import machine, raced
+from tippedisk_verify.bench.measurement import machine_facts, run_race
 from tippedisk_verify.bench.own_methods import question, user_method
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import program_method
@@ -198,7 +198,7 @@ def test_the_command_writes_a_program_and_runs_made_elsewhere(tmp_path: Path) ->
     answers.write_text("problem,setting,seconds,error\ntransient,loose,0.02,1e-5\n")
     command = f"bench --only transient --program '{sys.executable} {program}' --answers {answers}"
     result = answer(f"{command} --out {folder}")
-    assert result["machine"] == machine()
+    assert result["machine"] == machine_facts()
     runs = result["runs"]
     assert {"problem", "method", "setting", "error", "seconds", "status"} <= set(runs[0])
     assert json.loads((folder / "bench.json").read_text())["runs"] == runs
@@ -350,5 +350,5 @@ def test_a_program_that_cannot_race_says_why(tmp_path: Path) -> None:
         script = tmp_path / "program.py"
         script.write_text(text)
         with program_method(f"{sys.executable} {script}", [1e-6]) as method:
-            (score,) = raced([TRANSIENT], [method])
+            (score,) = run_race([TRANSIENT], [method])
         assert said in score.status

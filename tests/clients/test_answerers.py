@@ -12,7 +12,7 @@ import pytest
 
 from tippedisk_verify.conformance.grading import compare
 from tippedisk_verify.reference_values.grading_rules import question_fields
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
@@ -51,7 +51,7 @@ def test_questions_are_answered_line_by_line(file: str, tmp_path: Path) -> None:
     shutil.copy(EXAMPLES / file, tmp_path)
     if build:
         subprocess.run(build, check=True, cwd=tmp_path)
-    store = stored()
+    store = load_store()
     asked = store.matching("table1/both/rhs/001/")
     lines = [
         json.dumps(question_fields(store.parameters["table1"], quantity)) for quantity in asked

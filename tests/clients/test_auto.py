@@ -15,7 +15,7 @@ import pytest
 import tippedisk_verify as tv
 from tippedisk_verify.commands.conformance_sources import CLIENTS, FOLDER
 from tippedisk_verify.conformance.sheet import question_row
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.store import Store, load_store
 
 TEXT = (FOLDER / CLIENTS["auto"]).read_text(encoding="utf-8")
 FORTRAN = shutil.which("gfortran")
@@ -53,7 +53,7 @@ end function GETP
 
 def states(law: str) -> tuple[Store, list[dict[str, str]]]:
     """The questions about v' of the printed set."""
-    store = stored()
+    store = load_store()
     asked = [q for q in store.matching(f"table1/{law}/rhs/") if q.name == "v_rate"]
     return store, [question_row(store, q) for q in asked]
 

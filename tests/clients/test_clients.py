@@ -19,10 +19,10 @@ import pytest
 
 from tippedisk_verify.commands.conformance_sources import CLIENTS, FOLDER
 from tippedisk_verify.conformance import client_text
-from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.grading import Grade, graded
+from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grading import Grade, grade_answers
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.store import Store, load_store
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 NODE = shutil.which("node")
@@ -53,7 +53,7 @@ FAULTS = (
 
 @pytest.fixture(scope="module")
 def store() -> Store:
-    return stored()
+    return load_store()
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +78,7 @@ def _asked(store: Store, starts: tuple[str, ...]) -> str:
 def _answered(command: list[str], sheet: str, store: Store, folder: Path) -> list[Grade]:
     (folder / "sheet.csv").write_text(sheet)
     subprocess.run(command, check=True, timeout=300, cwd=folder)
-    return graded(read_answers(folder / "answers.csv", store), store)
+    return grade_answers(read_answers(folder / "answers.csv", store), store)
 
 
 def _least(grades: list[Grade], level: int) -> float:
@@ -121,9 +121,9 @@ def test_each_fault_of_the_c_client_is_named(
     grades = _answered(
         [str(c_client), "sheet.csv", "answers.csv", str(fault)], _asked(store, RHS), store, tmp_path
     )
-    diagnosis = diagnosed(grades, store)[0]
+    diagnosis = diagnose(grades, store)[0]
     assert diagnosis.level == 1
-    assert FAULTS[fault - 1] in diagnosis.says()
+    assert FAULTS[fault - 1] in diagnosis.summary()
     assert diagnosis.unexplained == 0
 
 

@@ -13,11 +13,11 @@ from pathlib import Path
 import pytest
 
 from tippedisk_verify.commands.conformance_sources import FOLDER, GRADERS
-from tippedisk_verify.conformance.grading import graded, levels_of
+from tippedisk_verify.conformance.grading import grade_answers, tally_levels
 from tippedisk_verify.conformance.sheet import read_answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import csv_text
-from tippedisk_verify.reference_values.store import ReferenceValue, Store, data_folder, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, data_folder, load_store
 
 NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")
@@ -64,7 +64,7 @@ Said = tuple[set[tuple[str, str]], dict[int, tuple[int, int, str, float]], tuple
 
 @pytest.fixture(scope="module")
 def chosen() -> list[ReferenceValue]:
-    return [quantity for quantity in stored().values() if quantity.id.startswith(ASKED)]
+    return [quantity for quantity in load_store().values() if quantity.id.startswith(ASKED)]
 
 
 @pytest.fixture(scope="module")
@@ -136,10 +136,10 @@ def _expected(path: Path, store: Store, chosen: list[ReferenceValue]) -> Said:
         answers = read_answers(path, store)
     except InputError:
         return None
-    grades = graded(answers, store)
+    grades = grade_answers(answers, store)
     levels = {
-        level.level: (level.answered, level.failed, level.verdict, level.least)
-        for level in levels_of(grades, chosen)
+        level.level: (level.answered, level.failed, level.verdict, level.least_digits)
+        for level in tally_levels(grades, chosen)
     }
     failed = {(grade.verdict, grade.id) for grade in grades if grade.failed}
     return failed, levels, (len(answers.unknown), len(answers.repeated))
@@ -209,7 +209,7 @@ def test_the_verdicts_are_those_of_conformance_grade(
     table: Path,
     tmp_path: Path,
 ) -> None:
-    store = stored()
+    store = load_store()
     sheets = _sheets(chosen)
     for name, text in sheets.items():
         (tmp_path / f"{name}.csv").write_text(text)

@@ -19,10 +19,10 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
-from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.grading import Grade, graded
-from tippedisk_verify.conformance.sheet import Answers, collected, questions, sheet_csv
-from tippedisk_verify.reference_values.store import is_optional, stored
+from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grading import Grade, grade_answers
+from tippedisk_verify.conformance.sheet import Answers, collect_answers, questions, sheet_csv
+from tippedisk_verify.reference_values.store import is_optional, load_store
 
 HERE = Path(__file__).parent
 TEXTS = [(HERE / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
@@ -259,8 +259,8 @@ _GRADIENT = TEXTS[1][TEXTS[1].index("def gradient") : TEXTS[1].index("        z 
 @cache
 def rows(levels: range) -> list[dict[str, str]]:
     """The questions of the printed set at some levels."""
-    asked = questions(stored(), sets=("table1",), frictions=(), levels=tuple(levels))
-    return list(csv.DictReader(sheet_csv(stored(), asked).splitlines()))
+    asked = questions(load_store(), sets=("table1",), frictions=(), levels=tuple(levels))
+    return list(csv.DictReader(sheet_csv(load_store(), asked).splitlines()))
 
 
 FIRST = [row for row in rows(range(1, 2)) if int(row["id"].split("/")[3]) < 5]
@@ -300,7 +300,7 @@ def grades_of(program: dict[str, Any], levels: range, only: str = "") -> list[Gr
         for id_, text in answers.items()
         if (re.search(only, id_) if only else not is_optional(id_))
     ]
-    return graded(collected(given, stored(), None, Answers()), stored())
+    return grade_answers(collect_answers(given, load_store(), None, Answers()), load_store())
 
 
 def planted(
@@ -318,7 +318,7 @@ def planted(
     if program is None:
         return None
     grades = grades_of(program, range(1, 2), only)
-    diagnoses = diagnosed(grades, stored())
+    diagnoses = diagnose(grades, load_store())
     causes = [says for one in diagnoses for name, says in one.causes if name != "digits"]
     named = frozenset(
         name for name in names if any(re.search(KINDS[name].says, says) for says in causes)

@@ -18,8 +18,13 @@ from rich.console import Console
 import tippedisk_verify as tv
 from tests.report.test_page import Page
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.grading import compare, digits_between, graded, levels_of
+from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grading import (
+    compare,
+    digits_between,
+    grade_answers,
+    tally_levels,
+)
 from tippedisk_verify.conformance.pages import Report, html_page, print_report
 from tippedisk_verify.conformance.sheet import (
     Answers,
@@ -29,14 +34,14 @@ from tippedisk_verify.conformance.sheet import (
     sheet_json,
 )
 from tippedisk_verify.reference_values.grading_rules import QUESTION_COLUMNS
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.store import Store, load_store
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
 
 
 @pytest.fixture(scope="module")
 def store() -> Store:
-    return stored()
+    return load_store()
 
 
 def _answers(given: dict[str, str], reading: str = "doubles") -> Answers:
@@ -82,11 +87,11 @@ def test_the_truth_gets_full_marks_in_either_form_and_reading(
         for row in content["questions"]:
             row["answer"] = store[row["id"]].values["decimals"][0]
         path.write_text(json.dumps(content))
-    grades = graded(read_answers(path, store), store)
+    grades = grade_answers(read_answers(path, store), store)
     assert len(grades) == len(asked)
     assert {grade.verdict for grade in grades} == {"exact"}
-    assert diagnosed(grades, store) == []
-    assert all(level.failed == 0 for level in levels_of(grades, asked))
+    assert diagnose(grades, store) == []
+    assert all(level.failed == 0 for level in tally_levels(grades, asked))
 
 
 # ------------------------------------------------------------------------------------------ digits
@@ -216,8 +221,8 @@ def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, store: Store) -> N
         ["1e99999", "1e-99999", "1", "abc"],
     )
     given = {quantity.id: nonsense[n % len(nonsense)] for n, quantity in enumerate(questions)}
-    grades = graded(_answers(given), store)
-    (diagnosis,) = diagnosed(grades, store)
+    grades = grade_answers(_answers(given), store)
+    (diagnosis,) = diagnose(grades, store)
     assert all(re.search("(is|are) (zero|one)$", cause) for _, cause in diagnosis.causes)
     assert diagnosis.no_numbers >= len(given) // 4
     assert not any(math.isfinite(grade.digits) for grade in grades if grade.answer == "abc")
@@ -227,10 +232,10 @@ def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, store: Store) -> N
 def _read_page(given: dict[str, str], store: Store) -> tuple[str, Page, int]:
     """The page, its elements, and how many of its details are open from the start."""
     answers = _answers(given)
-    grades = graded(answers, store)
+    grades = grade_answers(answers, store)
     text = html_page(
         Report(
-            "a.csv", answers, grades, levels_of(grades, store.values()), diagnosed(grades, store)
+            "a.csv", answers, grades, tally_levels(grades, store.values()), diagnose(grades, store)
         )
     )
     page = Page(text)
@@ -280,8 +285,8 @@ def test_the_colour_follows_what_the_question_needs(
 ) -> None:
     quantity = store[f"table1/{name}"]
     answers = _answers({quantity.id: repr(quantity.for_doubles * (1 + error))})
-    grades = graded(answers, store)
-    text = html_page(Report("a.csv", answers, grades, levels_of(grades, [quantity]), []))
+    grades = grade_answers(answers, store)
+    text = html_page(Report("a.csv", answers, grades, tally_levels(grades, [quantity]), []))
     shades = {"enough", "few", "wrong"}
     cells = [
         attributes
@@ -332,14 +337,14 @@ def test_no_word_of_a_table_is_broken_in_80_columns(store: Store) -> None:
         if q.level != 5
     }
     answers = _answers(given)
-    grades = graded(answers, store)
+    grades = grade_answers(answers, store)
     names = {
         "level": 9,
         "kind": "near-heteroclinic",
         "longest": "calibrated/linear/near-heteroclinic/het+1e-30",
     }
     times = dict.fromkeys(("answered", "entries", "total", "median", "largest"), 12345.6) | names
-    levels = levels_of(grades, questions(store, sets=["table1"]))
+    levels = tally_levels(grades, questions(store, sets=["table1"]))
     report = Report("answers.csv", answers, grades, levels, [], times=[times], start_up=0.5)
     texts = []
     for width in (80, 400):

@@ -25,7 +25,7 @@ from tests.stress.strikes import INTERRUPTED, Struck
 from tippedisk_verify import dialogue
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.sheet import question_row
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 
@@ -34,13 +34,13 @@ EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 #: right-hand side.
 ASKED = [
     quantity.id
-    for quantity in stored().values()
+    for quantity in load_store().values()
     if quantity.level == 3 and quantity.set == "table1"
 ]
 RUN = ["conformance", "run", "--set", "table1", "--levels", "3"]
 _HEAD = f"""
 import json, os, signal, sys, time
-TRUTHS = {json.dumps({id_: stored()[id_].for_doubles for id_ in ASKED})}
+TRUTHS = {json.dumps({id_: load_store()[id_].for_doubles for id_ in ASKED})}
 def asked():
     return json.loads(sys.stdin.readline() or sys.exit())["id"]
 def said(id_, **more):
@@ -100,7 +100,7 @@ def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
     """As `docs/protocol.md` says, for languages without JSON. The example there is a question."""
     page = (EXAMPLES.parents[1] / "docs" / "protocol.md").read_text(encoding="utf-8")
     example = json.loads(re.findall(r'    (\{"id".*?\})\n', page, re.DOTALL)[0])
-    rows = [question_row(stored(), quantity) for quantity in stored().values()]
+    rows = [question_row(load_store(), quantity) for quantity in load_store().values()]
     (asked,) = (row for row in rows if row["id"] == example["id"])
     assert asked.keys() == example.keys()
     assert all(
@@ -308,7 +308,7 @@ def test_full_pipes_on_both_sides(before: str, tmp_path: Path) -> None:
         f"open({str(tmp_path / 'done')!r}, 'w')\ntime.sleep(1000)"
     )
     heard: list[str] = []
-    with dialogue.started([sys.executable, "-c", script], 7) as one:
+    with dialogue.start_program([sys.executable, "-c", script], 7) as one:
         assert "did not answer it within 7 s" in one.ask("?" * 10_000_000, {"it"}, heard.append)
         assert one.finish(heard.append).endswith("and was ended")
         assert len(one.errors()) == 1

@@ -21,15 +21,15 @@ from tests.conformance.mistakes import (
     patched,
     planted,
 )
-from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnosed
+from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnose
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
-from tippedisk_verify.conformance.diagnosis.terms import Values, parsed, shown
-from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.diagnosis.terms import Values, parse_sum, sum_text
+from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
 
 STATE = {
     "beta": np.array([1.1, 0.4]),
@@ -51,12 +51,13 @@ PARAMETERS = {
 
 @pytest.fixture(scope="module")
 def store() -> Store:
-    return stored()
+    return load_store()
 
 
 def _diagnosed(given: dict[str, str], store: Store) -> list[Diagnosis]:
-    return diagnosed(
-        graded(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store), store
+    return diagnose(
+        grade_answers(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store),
+        store,
     )
 
 
@@ -96,7 +97,7 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
     program = patched([(patch[0], patch[1])])
     assert program is not None
     level = LEVELS[name.partition("-")[0]]
-    diagnoses = diagnosed(grades_of(program, range(level, level + 1)), stored())
+    diagnoses = diagnose(grades_of(program, range(level, level + 1)), load_store())
     causes = " | ".join(cause for one in diagnoses for _, cause in one.causes)
     assert re.search(says, causes), causes
 
@@ -104,7 +105,7 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
 def test_right_programs_have_no_diagnosis() -> None:
     program = patched([])
     assert program is not None
-    assert diagnosed(grades_of(program, range(1, 6), "."), stored()) == []
+    assert diagnose(grades_of(program, range(1, 6), "."), load_store()) == []
 
 
 @pytest.mark.parametrize(
@@ -216,12 +217,12 @@ def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object,
     ],
 )
 def test_sums_are_shown_as_they_are_read(text: str) -> None:
-    assert shown(parsed(text)) == text
+    assert sum_text(parse_sum(text)) == text
 
 
 def test_levels_without_an_integrator_follow_and_later_ones_may_follow(store: Store) -> None:
     kind = KINDS["Bbar-B"]
     program = patched([(kind.old, kind.new)])
     assert program is not None
-    diagnoses = diagnosed(grades_of(program, range(1, 3)), store)
+    diagnoses = diagnose(grades_of(program, range(1, 3)), store)
     assert [one.status for one in diagnoses] == ["explained", "follows"]

@@ -10,18 +10,18 @@ from pathlib import Path
 import pytest
 
 from results.scipy_program import answered
-from tippedisk_verify.conformance.diagnosis import diagnosed
+from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.gate import shortcomings
 from tippedisk_verify.conformance.grading import (
     Grade,
     compare,
-    graded,
-    levels_of,
+    grade_answers,
+    tally_levels,
 )
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.grading_rules import DIGITS_REQUIRED, digits_needed
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.store import Store, load_store
 
 HET = "near-heteroclinic/het+1e-8"
 CRIT = "table1/linear/hopf/point/omega_crit"
@@ -29,16 +29,18 @@ CRIT = "table1/linear/hopf/point/omega_crit"
 
 @pytest.fixture(scope="module")
 def store() -> Store:
-    return stored()
+    return load_store()
 
 
 def _grades(given: dict[str, str], store: Store) -> list[Grade]:
-    return graded(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store)
+    return grade_answers(
+        Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store
+    )
 
 
 def _report(given: dict[str, str], store: Store) -> Report:
     grades = _grades(given, store)
-    return Report("a", Answers(), grades, levels_of(grades, store.values()), [])
+    return Report("a", Answers(), grades, tally_levels(grades, store.values()), [])
 
 
 @pytest.mark.slow(minutes=0.1)
@@ -88,10 +90,10 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
     report = _report({CRIT: repr(truth * (1 + 1e-6))}, store)
     assert "too few digits: 1 of 1 answer" in report.headline()
     (level,) = [level for level in report.levels if level.answered]
-    assert (level.verdict, level.failed, level.few) == ("too few digits", 1, 1)
-    (diagnosis,) = diagnosed(report.grades, store)
-    assert "1 with too few digits only" in diagnosis.says()
-    assert "wrong" not in diagnosis.says()
+    assert (level.verdict, level.failed, level.too_few) == ("too few digits", 1, 1)
+    (diagnosis,) = diagnose(report.grades, store)
+    assert "1 with too few digits only" in diagnosis.summary()
+    assert "wrong" not in diagnosis.summary()
 
 
 def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
@@ -137,7 +139,7 @@ def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
 def test_other_forms_of_a_sheet(text: str, store: Store, tmp_path: Path) -> None:
     path = tmp_path / "answers"
     path.write_text(text)
-    assert read_answers(path, store).given == {CRIT: ("doubles", "30.9")}
+    assert read_answers(path, store).by_id == {CRIT: ("doubles", "30.9")}
 
 
 def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Path) -> None:
@@ -148,6 +150,8 @@ def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Pat
     path.write_text("id,answer\n" + "\n".join(rows) + "\n")
     answers = read_answers(path, store)
     assert answers.missing == ["table1/linear/hopf/point"]
-    verdicts = {grade.id.rsplit("/", 1)[1]: grade.verdict for grade in graded(answers, store)}
+    verdicts = {
+        grade.id.rsplit("/", 1)[1]: grade.verdict for grade in grade_answers(answers, store)
+    }
     assert verdicts == {"period": "not-a-number", "v_0": "exact"}
     assert any("not answered" in said for said in Report("a", answers, [], [], []).remarks())

@@ -19,7 +19,7 @@ import tippedisk_verify as tv
 from reference_data.make.recipes import CONFIRM
 from results.scipy_program import motion
 from tippedisk_verify.cli import main
-from tippedisk_verify.conformance.grading import graded
+from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import (
     questions,
     read_answers,
@@ -30,8 +30,8 @@ from tippedisk_verify.conformance.sheet import (
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
-from tippedisk_verify.reference_values.items import Item, case_of, disagreements
-from tippedisk_verify.reference_values.store import Store, stored
+from tippedisk_verify.reference_values.questions import ReferenceQuestion, case_of, disagreements
+from tippedisk_verify.reference_values.store import Store, load_store
 
 
 def sheet(states: int, seed: int, *levels: int) -> str:
@@ -76,7 +76,7 @@ def test_drawn_disks_are_like_the_papers_and_more_states_begin_with_the_same_one
 @pytest.fixture(scope="module")
 def truths() -> Store:
     return with_fresh(
-        stored(), "\n".join(id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_)
+        load_store(), "\n".join(id_ for id_ in blank_questions(3, 5) if "/limit-cycle/" not in id_)
     )
 
 
@@ -99,7 +99,7 @@ def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
     asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
     for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
         here = [quantity for quantity in asked if quantity.id.startswith(f"{entry}/")]
-        item = Item(entry, here[0].inputs)
+        item = ReferenceQuestion(entry, here[0].inputs)
         for reading in ("decimals", "doubles"):
             known = {quantity.name: quantity.measured(reading) for quantity in here}
             for name, method in CONFIRM[kind].items():
@@ -190,9 +190,9 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
         row["answer"] = short[row["id"]]
     for text in (json.dumps(short), json.dumps(short).replace("/", "\\/"), json.dumps(full)):
         (tmp_path / "a.json").write_text(text)
-        found = store_for(tmp_path / "a.json", stored())
+        found = store_for(tmp_path / "a.json", load_store())
         answers = read_answers(tmp_path / "a.json", found)
-        grades = graded(answers, found)
+        grades = grade_answers(answers, found)
         assert [grade.id for grade in grades] == ids
         assert not any(grade.failed for grade in grades)
         assert (answers.unknown, answers.altered_entries) == ([], [])

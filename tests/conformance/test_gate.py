@@ -15,7 +15,7 @@ import pytest
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.gate import badge, expected_failures, grade_changes
 from tippedisk_verify.conformance.grading import Tally, compare
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 
 RHS = "table1/both/rhs/001"
 CRIT = "table1/linear/hopf/point/omega_crit"
@@ -25,7 +25,7 @@ WORKFLOWS = sorted((Path(__file__).parents[2] / "examples" / "ci").iterdir())
 
 def _sheet(path: Path, **factors: float) -> str:
     """Right answers at levels 1 and 3, some of them times a factor; the name is the quantity's."""
-    rows = [*stored().matching(f"{RHS}/"), stored()[CRIT]]
+    rows = [*load_store().matching(f"{RHS}/"), load_store()[CRIT]]
     lines = [
         f"{q.id},{q.for_doubles * factors.get(q.name, 1)!r}"
         for q in rows
@@ -70,7 +70,7 @@ def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFi
     assert _grade(wrong, "--expected-failures", str(known)) == 0
     assert _grade(wrong, "--require", "1-2", "--expected-failures", str(known)) == 1
     known.write_text(f"{CROSSING} # three\n#nothing\n")  # a crossing's number is no comment
-    assert expected_failures(known, stored()) == {CROSSING}
+    assert expected_failures(known, load_store()) == {CROSSING}
     known.write_text(f"{CRIT}\n")
     assert _grade(wrong, "--expected-failures", str(known)) == 1
     assert _grade(wrong, "--expected-failures", str(known), "--require", "3") == 0
@@ -105,7 +105,7 @@ def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert main(["conformance", "compare", old, old]) == 0
     assert "0 broken, 0 gone, 0 lost, 0 gained" in capsys.readouterr().out
     # From sixteen digits to fourteen and a half: an ulp or ten of a double
-    truth = float(stored()[CRIT])
+    truth = float(load_store()[CRIT])
     assert grade_changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
 
 

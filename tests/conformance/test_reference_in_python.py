@@ -144,7 +144,7 @@ def test_grades_come_with_a_diagnosis() -> None:
     lines = str(report).splitlines()
     assert (
         "in gamma_y: -e Omega sin(beta) cos(gamma) for -e Omega sin(beta)^2 cos(gamma)"
-        in diagnosis.says()
+        in diagnosis.summary()
     )
     assert any(
         line.startswith("table1/both/rhs/0") and "digits, not 10; the truth is" in line

@@ -14,15 +14,16 @@ import pytest
 from rich.console import Console
 
 from tippedisk_verify.conformance.answer_number import as_decimal
-from tippedisk_verify.conformance.grading import graded, levels_of
+from tippedisk_verify.conformance.grading import grade_answers, tally_levels
 from tippedisk_verify.conformance.pages import Report, print_report
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.store import stored
+from tippedisk_verify.reference_values.store import load_store
 
 CRIT, PERIOD = "table1/linear/hopf/point/omega_crit", "table1/linear/hopf/point/period"
 RIGHT = {
-    quantity.id: repr(quantity.for_doubles) for quantity in stored().matching("table1/linear/hopf/")
+    quantity.id: repr(quantity.for_doubles)
+    for quantity in load_store().matching("table1/linear/hopf/")
 }
 
 READ = {
@@ -94,11 +95,11 @@ NO_NUMBERS = [(text, says) for says, texts in REASONS.items() for text in texts.
 
 def _report(path: Path, text: str) -> Report:
     path.write_text(text, encoding="utf-8")
-    store = stored()
+    store = load_store()
     answers = read_answers(path, store)
-    grades = graded(answers, store)
+    grades = grade_answers(answers, store)
     asked = [store[grade.id] for grade in grades]
-    return Report(path.name, answers, grades, levels_of(grades, asked), [])
+    return Report(path.name, answers, grades, tally_levels(grades, asked), [])
 
 
 def _among_right_ones(folder: Path, text: str) -> Report:
@@ -147,7 +148,7 @@ def test_a_line_says_digits_and_truth_where_there_are_some(text: str, tmp_path: 
 
 def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
     texts = ["30,9", "3,9", *(texts.split(" | ")[0] for texts in list(REASONS.values())[:9])]
-    ids = [quantity.id for quantity in stored().matching("table1/both/rhs/")]
+    ids = [quantity.id for quantity in load_store().matching("table1/both/rhs/")]
     rows = "".join(
         f'{{"id": "{id_}", "answer": "{text}"}}\n' for id_, text in zip(ids, texts, strict=False)
     )
@@ -179,7 +180,7 @@ def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
 )
 def test_the_separator_is_the_one_that_the_header_has(text: str, tmp_path: Path) -> None:
     answers = _report(tmp_path / "a.csv", text.replace("ID", CRIT)).answers
-    assert answers.given == {CRIT: ("doubles", "30.9")}
+    assert answers.by_id == {CRIT: ("doubles", "30.9")}
 
 
 @pytest.mark.parametrize(
@@ -221,8 +222,8 @@ def test_a_column_that_is_not_read_is_named(text: str, says: str, tmp_path: Path
 
 
 def test_a_semicolon_sheet_with_decimal_commas_asks_the_same_and_is_helped(tmp_path: Path) -> None:
-    asked = questions(stored(), sets=["table1"], levels=[3])
-    rows = list(csv.DictReader(io.StringIO(sheet_csv(stored(), asked))))
+    asked = questions(load_store(), sets=["table1"], levels=[3])
+    rows = list(csv.DictReader(io.StringIO(sheet_csv(load_store(), asked))))
     lines = [";".join(rows[0])]
     for row in rows:
         row |= {"from": "doubles", "answer": RIGHT[row["id"]]}

@@ -8,12 +8,12 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.connection import bisection
-from tippedisk_verify.connection.bisection import bisect_omega_h, unstable_branch
+from tippedisk_verify.connection.bisection import bisect_omega_h, follow_unstable_manifold
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 
 
@@ -26,14 +26,14 @@ def test_the_unstable_branch_on_both_sides(taylor) -> None:
     times = []
     for power in (20, 22):
         omega = connection.omega_h.value + Fraction(1, 2**power)
-        result = unstable_branch(PRINTED, omega, taylor)
+        result = follow_unstable_manifold(PRINTED, omega, taylor)
         assert result.events[-1].name == "turns back"
         times.append(float(result.time))
     # Until the next crossing of beta = pi/2, where both directions share the passage: lambda_u -
     # lambda_s in all.
     slow = -float(connection.saddle_eigenvalues[1])
     assert abs((times[1] - times[0]) * (growth + slow) / math.log(4) - 1) < 0.02
-    below = unstable_branch(PRINTED, connection.omega_h.value - Fraction(1, 2**22), taylor)
+    below = follow_unstable_manifold(PRINTED, connection.omega_h.value - Fraction(1, 2**22), taylor)
     assert below.events[-1].name == "passes"
 
 
@@ -106,6 +106,6 @@ def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
     truth = splitting_zero(
         disk.with_friction("smooth"), Fraction("12.6157686416"), taylor, 18
     ).omega_h
-    found = bisect_omega_h(disk.with_friction("smooth"), Baseline("DOP853")).omega_h
+    found = bisect_omega_h(disk.with_friction("smooth"), ScipyEngine("DOP853")).omega_h
     assert found.holds(truth.value)
     assert found.uncertainty < Fraction(1, 10**10)

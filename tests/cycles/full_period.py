@@ -14,5 +14,5 @@ WHOLE_PERIOD = replace(
     name="whole period",
     end_event=Event("closes", SECTION.function, direction=1),
     symmetry_sign=1,
-    per_period=1,
+    flights_per_period=1,
 )

@@ -14,7 +14,7 @@ from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near_omega_h
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
 
@@ -87,7 +87,7 @@ def test_passages_give_no_answer_beyond_their_reach(taylor) -> None:
     for place, engine, digits in (
         (above, taylor, 16),
         (-above, taylor, 12),
-        (above, Baseline("DOP853"), 12),
+        (above, ScipyEngine("DOP853"), 12),
     ):
         assert (
             cycle_by_passages(LIBRATING, PRINTED, place, engine, digits, from_omega_h=True) is None

@@ -16,7 +16,7 @@ from scipy import integrate, stats
 
 from tippedisk_verify.cycles import error_budget, interpolant
 from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.error_budget import logarithms_bounded
+from tippedisk_verify.cycles.error_budget import bound_lost_logarithms
 from tippedisk_verify.cycles.return_map import Image
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
@@ -83,7 +83,7 @@ def test_a_lost_multiplier_is_bounded_by_its_rounding() -> None:
         "log_multiplier_fast": Measured.of(-265.5, 2),
         "log_multipliers": Measured.of(-300, 1e-12),
     }
-    logarithms_bounded(measured)
+    bound_lost_logarithms(measured)
     assert "log_multipliers" not in measured
     for truth in (-149.9, -104.0, math.log(2.9e-15)):
         assert measured["log_multiplier_slow"].holds(Fraction(truth))

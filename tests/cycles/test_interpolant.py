@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy
 
 from tippedisk_verify.cycles.branch import librating_branch
-from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.family import batch_solver
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
@@ -17,7 +17,7 @@ from tippedisk_verify.theory.hopf import hopf_point
 
 
 def followed(parameters: Parameters, taylor) -> LibratingFamily:
-    return LibratingFamily(parameters, taylor, in_batches(LIBRATING, parameters, default_lanes()))
+    return LibratingFamily(parameters, taylor, batch_solver(LIBRATING, parameters, default_lanes()))
 
 
 def test_the_papers_801_cycles(taylor) -> None:
@@ -57,7 +57,7 @@ def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
 def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
     """They lie outside the family, between its last nodes and its ends, and next to a fold."""
     branch = followed(PRINTED.changed(A="0.229e-3"), taylor)
-    fold = branch.place(branch.folds[0]).omega
+    fold = branch.guess(branch.folds[0]).omega
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
     by_speed = FamilyInterpolant(branch, default_lanes()).results(speeds, 0)
     assert [some and [cycle.stable for cycle in some] for some in by_speed] == [

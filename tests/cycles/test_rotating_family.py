@@ -13,8 +13,8 @@ from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import BOTTOM, ROTATING
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Request
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
 
 _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
@@ -78,7 +78,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
         (float(family.omega_h) + 0.5, False),
     ):
         (cycle,) = known.rotating_at(Fraction(omega), stable=stable).cycles()
-        (place,) = family.followed_places(omega, stable=stable)
+        (place,) = family.followed_guesses(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         # A place on a family is a start for shooting, with some digits; another cycle is off by 1e-2.
         assert numpy.abs(numpy.subtract(place.start, top)).max() < 1e-6
@@ -90,7 +90,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
             shifted=True,
             events=(replace(BOTTOM, terminal=True),),
         )
-        beta, _, v = Baseline()(run).state
+        beta, _, v = ScipyEngine()(run).state
         # SciPy's error, grown
         assert max(abs(beta - float(cycle.beta_bar_0)), abs(v - float(cycle.v_0))) < 1e-6
 

@@ -14,7 +14,7 @@ from tippedisk_verify.cycles.error_budget import cycle_in_precision
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import approximate_cycle, balanced_cycle
+from tippedisk_verify.cycles.spectral import approximate_cycle, spectral_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import fraction
@@ -51,7 +51,7 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
         assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, name
         if name in ("period", "multiplier_slow"):
             assert abs(one.value - other.value) < loss * abs(one.value), name
-    balance = balanced_cycle(parameters, speed)
+    balance = spectral_cycle(parameters, speed)
     for name in MAIN:
         mine, other = getattr(half, name), getattr(balance, name)
         assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty, name

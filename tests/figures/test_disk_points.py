@@ -7,7 +7,7 @@ import math
 import numpy
 import pytest
 
-from tippedisk_verify.figures.inversion import points_of
+from tippedisk_verify.figures.inversion_figure import points_of
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE

@@ -8,17 +8,17 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.audit.catalogue import claims_drawn_in
+from tippedisk_verify.audit.claim_catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.figures.catalogue import EXHIBITS
-from tippedisk_verify.figures.eigenvalues import eigenvalue_rows
-from tippedisk_verify.figures.family import law_rows
-from tippedisk_verify.figures.inversion import points_of
-from tippedisk_verify.figures.state_space import last_turn
+from tippedisk_verify.figures.eigenvalue_figure import eigenvalue_rows
+from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
+from tippedisk_verify.figures.family_figures import law_rows
+from tippedisk_verify.figures.inversion_figure import points_of
+from tippedisk_verify.figures.state_space import last_period
 from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.motion.scenes import computed_scene, scene_named
+from tippedisk_verify.motion.scenes import compute_scene, scene_named
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -88,7 +88,7 @@ def test_axes_carry_units(taylor) -> None:
 def test_a_rotating_cycle_is_drawn_once_across_the_middle_well(taylor) -> None:
     # So that panel a is at 30.02 rad/s, where both ways round occur
     omega_h = Measured(Fraction("30.12"), Fraction(0))
-    turn = last_turn(computed_scene(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
+    turn = last_period(compute_scene(scene_named("a"), PRINTED, taylor, omega_h=omega_h))
     gamma = turn[:, 1]
     assert -math.pi / 2 <= gamma.min() < gamma.max() <= 3 * math.pi / 2
     # A sample is missing at either end

@@ -139,7 +139,7 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
 
 def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatch) -> None:
     """Check as on processors without 80-bit registers."""
-    monkeypatch.setattr(error_estimate, "_has", lambda wide: wide is not EXTENDED)
+    monkeypatch.setattr(error_estimate, "_has_arrays_of", lambda wide: wide is not EXTENDED)
     for digits in (12, 15):
         test_half_widths_hold(taylor, 1, digits)
 

@@ -10,8 +10,8 @@ import pytest
 
 from tests.problems import STARTS, held
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.baseline import SCIPY_METHODS, Baseline
 from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, Request, Status
+from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS, ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED, Parameters
@@ -60,7 +60,7 @@ def test_a_run_that_settles(taylor: Taylor) -> None:
     [
         ("linear", Taylor(), 1.0),
         ("smooth", Taylor(), 1.0),  # switches cost no order
-        ("linear", Baseline("DOP853"), 8 / 5),
+        ("linear", ScipyEngine("DOP853"), 8 / 5),
     ],
     ids=["taylor", "taylor, smooth", "scipy"],
 )
@@ -95,9 +95,9 @@ def test_more_bits_give_more_digits(taylor: Taylor) -> None:
 def test_baselines_agree_with_each_other(method: str, friction) -> None:
     disk = PRINTED.with_friction(friction)
     request = Request(disk, "30.4", STARTS[1], 1, tolerance=1e-9)  # any that is not the default
-    reference = Baseline("DOP853")(Request(disk, "30.4", STARTS[1], 1))
+    reference = ScipyEngine("DOP853")(Request(disk, "30.4", STARTS[1], 1))
     # BDF lets about 1e3 of its local tolerance through over a second.
-    assert distance(Baseline(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
+    assert distance(ScipyEngine(method)(request).state, reference.state) < Fraction(1, 10**6) * 2
 
 
 @pytest.mark.parametrize(
@@ -108,13 +108,13 @@ def test_baselines_agree_with_each_other(method: str, friction) -> None:
 def test_derivatives_agree_between_engines(taylor: Taylor, variations) -> None:
     request = Request(PRINTED, "30.4", STARTS[1], "0.5", variations=variations)
     mine = taylor(request).derivatives
-    theirs = Baseline("DOP853")(request).derivatives
+    theirs = ScipyEngine("DOP853")(request).derivatives
     scale = abs(mine).max(axis=0)
     # DOP853 at a local tolerance of 1e-13, for a hundred steps
     assert (abs(mine - theirs).max(axis=0) < 1e-11 * scale).all()
 
 
-@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+@pytest.mark.parametrize("make", [Taylor, ScipyEngine], ids=["taylor", "scipy"])
 def test_backward_undoes_forward(make) -> None:
     engine = make()
     there = engine(Request(PRINTED, "30.4", STARTS[1], 0.05))
@@ -125,7 +125,7 @@ def test_backward_undoes_forward(make) -> None:
     assert distance(back.samples[-1], back.state) < Fraction(1, 10**10)
 
 
-@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+@pytest.mark.parametrize("make", [Taylor, ScipyEngine], ids=["taylor", "scipy"])
 def test_samples_dense_output_and_events_agree(make) -> None:
     engine = make()
     times = numpy.linspace(0, 3, 31)
@@ -152,13 +152,13 @@ def test_samples_dense_output_and_events_agree(make) -> None:
 def test_refusals(change) -> None:
     wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
     with pytest.raises(InputError):
-        Baseline()(Request(**wanted))
+        ScipyEngine()(Request(**wanted))
     with pytest.raises(InputError):
-        Baseline("Euler")
+        ScipyEngine("Euler")
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("make", [Taylor, Baseline], ids=["taylor", "scipy"])
+@pytest.mark.parametrize("make", [Taylor, ScipyEngine], ids=["taylor", "scipy"])
 @pytest.mark.parametrize(
     ("change", "status"),
     [
@@ -176,7 +176,7 @@ def test_how_runs_end(make, friction, change, status) -> None:
 @pytest.mark.parametrize("method", ["DOP853", "RK45", "Radau", "BDF"])
 def test_overflow_has_a_status_and_no_warning(method) -> None:
     assert (
-        Baseline(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status
+        ScipyEngine(method)(Request(PRINTED, 30.4, ("1.5", "0.2", "1e300"), 1e-3)).status
         is Status.NON_FINITE
     )
 
@@ -184,12 +184,12 @@ def test_overflow_has_a_status_and_no_warning(method) -> None:
 def test_parameter_derivatives_of_the_smooth_law() -> None:
     request = Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("Omega",))
     ends = [
-        Baseline()(replace(request, omega=30.4 + step, variations=())).state
+        ScipyEngine()(replace(request, omega=30.4 + step, variations=())).state
         for step in (1e-5, -1e-5)
     ]
     # SciPy's error of 1e-11 over the step of the difference.
-    assert abs(Baseline()(request).derivatives[:, 0] - (ends[0] - ends[1]) / 2e-5).max() < 1e-5
+    assert abs(ScipyEngine()(request).derivatives[:, 0] - (ends[0] - ends[1]) / 2e-5).max() < 1e-5
     with pytest.raises(InputError, match="no derivative with respect to 'k'"):
-        Baseline()(
+        ScipyEngine()(
             Request(PRINTED.with_friction("smooth"), 30.4, STARTS[1], 1.0, variations=("k",))
         )

@@ -12,7 +12,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
@@ -23,6 +22,7 @@ from tippedisk_verify.flow.contract import (
     Request,
     Status,
 )
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
@@ -62,7 +62,7 @@ def request(
     )
 
 
-@pytest.mark.parametrize("make", [Taylor, Baseline])
+@pytest.mark.parametrize("make", [Taylor, ScipyEngine])
 @pytest.mark.parametrize("duration", [0.3, 1e-6, -0.01])
 def test_an_orbit_that_touches_the_surface_at_its_start(
     make: Callable[[], Any], duration: float
@@ -116,7 +116,7 @@ def test_runs_of_any_short_duration(taylor: Taylor, duration, state, event) -> N
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-@pytest.mark.parametrize("make", [Taylor, Baseline])
+@pytest.mark.parametrize("make", [Taylor, ScipyEngine])
 def test_an_orbit_at_rest_crosses_nothing(make: Callable[[], Any], friction) -> None:
     engine = make()
     for duration in (1.0, -1.0):
@@ -278,7 +278,7 @@ def test_events_from_the_surface_are_those_of_scipy(
     assert event.function is function
     mine = shared(request(state, duration, event))
     # The tightest that SciPy keeps
-    other = Baseline()(request(state, duration, event, tolerance=1e-12))
+    other = ScipyEngine()(request(state, duration, event, tolerance=1e-12))
     assert mine.status is other.status
     assert len(mine.events) == len(other.events)
     for one, two in zip(mine.events, other.events, strict=True):

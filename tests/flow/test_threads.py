@@ -13,7 +13,6 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.flow import compiled_runners, default_engine, default_lanes
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
@@ -23,6 +22,7 @@ from tippedisk_verify.flow.contract import (
     Request,
     Result,
 )
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.model.precision import bits
@@ -146,7 +146,7 @@ def test_continuous_output_is_for_all_threads() -> None:
 
 def test_the_baseline_in_threads() -> None:
     """Check LSODA, which once kept the state of its run in the library."""
-    shared = Baseline("LSODA")
+    shared = ScipyEngine("LSODA")
     requests = [
         request for request in _requests(16) if request.law.is_linear and not request.variations
     ]

@@ -17,12 +17,12 @@ from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decim
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycles_by_whole_flights import fixed_point_near
 from tippedisk_verify.cycles.error_budget import numbers_in_precision
-from tippedisk_verify.cycles.family import in_batches
+from tippedisk_verify.cycles.family import batch_solver
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
 from tippedisk_verify.cycles.shooting import LimitCycle, shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import balanced_cycle, spectral_rotation
+from tippedisk_verify.cycles.spectral import spectral_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes
@@ -40,7 +40,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.reference_values.items import Case, Item
+from tippedisk_verify.reference_values.questions import Case, ReferenceQuestion
 from tippedisk_verify.reference_values.truths import compute, compute_again
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.hopf import criticality, omega_crit
@@ -75,14 +75,16 @@ def right_hand_side(draw: Draw) -> Question:
     # Rational: pi has no place there
     angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
-    case = Case(Item(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place)
+    case = Case(
+        ReferenceQuestion(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place
+    )
     return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
 
 
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
-    case = Case(Item("drawn/linear/hopf/point", {}), disk, {})
+    case = Case(ReferenceQuestion("drawn/linear/hopf/point", {}), disk, {})
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 
@@ -337,7 +339,7 @@ def balanced(draw: Draw) -> Question:
     options = draw.choice(
         ({"digits": 6}, {"digits": 9}, {"digits": 12}, {"harmonics": 5}, {"harmonics": 12})
     )
-    return Question(lambda: balanced_cycle(disk, omega, **options), partial(_true_cycle, disk=disk))
+    return Question(lambda: spectral_cycle(disk, omega, **options), partial(_true_cycle, disk=disk))
 
 
 def branch(draw: Draw) -> Question:
@@ -350,7 +352,7 @@ def branch(draw: Draw) -> Question:
 
     def ask() -> Any:
         lanes = default_lanes()
-        known = LibratingFamily(disk, default_engine(), in_batches(LIBRATING, disk, lanes))
+        known = LibratingFamily(disk, default_engine(), batch_solver(LIBRATING, disk, lanes))
         omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
         return [
             cycle

@@ -36,7 +36,7 @@ PLANTS = {
     "motion.basin_boundary:BasinBoundary._upper": "basin boundary",
     "theory.hopf:hopf_point": "Hopf point",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
-    "cycles.spectral:balanced_cycle": "harmonic balance",
+    "cycles.spectral:spectral_cycle": "harmonic balance",
     "proofs.numbers:ball_to_measured": "proved closed forms",
 }
 _FACTOR = 100

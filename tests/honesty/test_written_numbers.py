@@ -118,7 +118,7 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     rows = rows_of(out)[::40]
     disk = tv.Disk("table1", friction=friction)
     omega_h = disk.heteroclinic(digits=30).omega_h.value
-    start = Saddle(disk, omega_h, 180, 8).start_on_branch(_START_DISTANCE)
+    start = Saddle(disk, omega_h, 180, 8).start_on_unstable_manifold(_START_DISTANCE)
     found = disk.integrate(omega_h, start, 4, events=GAMMA_TOP, shifted=True, digits=25)
     middle = tv.exact(found.events[0].time).rational
     times = [Fraction(row["t"]) + middle for row in rows]

@@ -12,7 +12,7 @@ from tests.command_line import answer
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
-from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, outcomes_of
+from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, integrate_outcomes
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -35,7 +35,9 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
     attractors = Attractors.at(PRINTED, Fraction(omega))
     standing = "rotating limit cycle" if omega == "30.04" else "inverted spinning"
     for starts, ending in ((inside, standing), (outside, "lies flat")):
-        outcomes = outcomes_of(numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors)
+        outcomes = integrate_outcomes(
+            numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors
+        )
         assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * count
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from tippedisk_verify.cycles.folds import libration_folds
 from tippedisk_verify.cycles.shooting import shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import balanced_cycle
+from tippedisk_verify.cycles.spectral import spectral_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit, speed_below_crit
@@ -99,5 +99,5 @@ def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(
     # The next term of the law is smaller by about a^2, a thousandth.
     assert abs(float(cycle.gamma_bar_0) ** 4 / fourth - 1) < 3e-3
     assert cycle.stable
-    balanced = balanced_cycle(disk, speed)
+    balanced = spectral_cycle(disk, speed)
     assert (cycle.period - balanced.period).holds(0)

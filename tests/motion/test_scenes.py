@@ -20,7 +20,7 @@ from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.motion.scenes import (
     INITIAL_STATES,
     SCENES,
-    computed_scene,
+    compute_scene,
     scene_named,
 )
 
@@ -38,7 +38,7 @@ EXPECTED = {
 def test_panels_b_to_f_build_one_plain_integrator() -> None:
     engine = Taylor()
     for scene in SCENES[1:]:
-        panel = computed_scene(scene, PRINTED, engine, omega_h=GIVEN)
+        panel = compute_scene(scene, PRINTED, engine, omega_h=GIVEN)
         assert [(b.precision, b.events, b.variations) for b in panel.compiled] == [
             ("double", (), ())
         ]
@@ -48,14 +48,14 @@ def test_panels_b_to_f_build_one_plain_integrator() -> None:
 def test_every_orbit_ends_as_the_paper_says(taylor) -> None:
     omega_h = bisect_omega_h(CALIBRATED, taylor).omega_h
     for scene in SCENES:
-        panel = computed_scene(scene, CALIBRATED, taylor, omega_h=omega_h)
+        panel = compute_scene(scene, CALIBRATED, taylor, omega_h=omega_h)
         assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[scene.name]] * 2
         assert panel.inverted_stable == (scene.name == "f")
         assert not panel.noninverted_stable
 
 
 def test_flat_times_hold(taylor) -> None:
-    panel = computed_scene(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
+    panel = compute_scene(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
     for orbit in panel.orbits:
         truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=QUADRUPLE))
         assert orbit.ending.time.holds(fraction(truth.time))
@@ -65,7 +65,7 @@ def test_flat_times_hold(taylor) -> None:
 @pytest.mark.parametrize("name", ["b", "d", "e"])
 def test_amplitudes_hold(taylor, name) -> None:
     """Compare with an orbit of 400 s whose crossings are located by events."""
-    panel = computed_scene(scene_named(name), PRINTED, taylor, omega_h=GIVEN)
+    panel = compute_scene(scene_named(name), PRINTED, taylor, omega_h=GIVEN)
     crossing = Event("crossing", SECTION.function, terminal=False)
     long = taylor(Request(PRINTED, panel.omega.value, INITIAL_STATES[0], 400.0, events=(crossing,)))
     settled = abs(long.events[-1].state[1] - numpy.pi / 2)
@@ -76,7 +76,7 @@ def test_amplitudes_hold(taylor, name) -> None:
 
 def orbits_at(omega, parameters, engine):
     """Return the orbits of panel a at another speed."""
-    return computed_scene(
+    return compute_scene(
         scene_named("a"), parameters, engine, omega_h=Measured(omega + Fraction(1, 10), Fraction(0))
     ).orbits
 

@@ -11,17 +11,17 @@ from typing import Any
 
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, short_float
 from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
-from tippedisk_verify.proofs.kernel.section import (
+from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     PoincareSection,
-    Return,
+    SectionReturn,
     return_map,
 )
-from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, short_float
+from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 MIN_STEP = 2.0**-40  # s
@@ -108,12 +108,12 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> Return:
+def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> SectionReturn:
     """The half map over a box."""
     return return_map(model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options)
 
 
-def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Return:
+def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> SectionReturn:
     """The turn map over a box."""
     return return_map(model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options)
 

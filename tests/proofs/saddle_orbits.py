@@ -16,7 +16,7 @@ from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.search.connection import eigenvectors
+from tippedisk_verify.proofs.search.connection_proof import eigenvectors
 from tippedisk_verify.proofs.search.proof import parameter_texts
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit

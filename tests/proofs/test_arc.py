@@ -24,7 +24,7 @@ from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.curve_choices import CurveStepSearch, family_polynomials
-from tippedisk_verify.proofs.search.cycle import CycleProof, prove_cycle
+from tippedisk_verify.proofs.search.cycle_proof import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
 GUESS = ("1.7162868", "-1.7100021")

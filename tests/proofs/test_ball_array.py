@@ -39,7 +39,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     ball_constants,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.flow import Model
+from tippedisk_verify.proofs.kernel.proved_flow import Model
 
 ORDER = 20
 COUNT = 1500  # cases of an attack: enough for each planted fault
@@ -231,7 +231,7 @@ def mutant(old: str, new: str) -> ModuleType:
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
     copies[ball_array].outward = copies[doubles].outward
-    for name in ("trusted", "with_rounding"):
+    for name in ("unchecked_ball_array", "with_rounding"):
         setattr(copies[ball_array_series], name, getattr(copies[ball_array], name))
     copies[ball_array].BallArraySeries = copies[ball_array_series].BallArraySeries
     return copies[ball_array]

@@ -31,7 +31,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.field import field
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection import prove_connection
+from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
 NOT_NUMBERS = (
     arb("nan"),

@@ -12,8 +12,8 @@ import pytest
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, short_float
-from tippedisk_verify.proofs.kernel.section import LIBRATING_SECTION, Return, return_map
+from tippedisk_verify.proofs.kernel.poincare_map import LIBRATING_SECTION, SectionReturn, return_map
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, short_float
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
@@ -120,7 +120,7 @@ class Meddling(FlightStepSearch):
             row[:] = [entry / 1024 for entry in row]
 
 
-def flown(proposer: FlightStepSearch) -> Return:
+def flown(proposer: FlightStepSearch) -> SectionReturn:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
         return return_map(

@@ -24,15 +24,15 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.search.connection import (
+from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
+from tippedisk_verify.proofs.search.connection_proof import (
     MAX_DIGITS,
     ConnectionStatus,
     ProvedConnection,
     prove_connection,
 )
-from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
-from tippedisk_verify.proofs.search.cycle import ROTATING_SECTION, prove_cycle
-from tippedisk_verify.proofs.search.fold import prove_fold
+from tippedisk_verify.proofs.search.cycle_proof import ROTATING_SECTION, prove_cycle
+from tippedisk_verify.proofs.search.fold_proof import prove_fold
 from tippedisk_verify.theory import hopf
 
 

@@ -17,17 +17,17 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates.connection import _slowly
-from tippedisk_verify.proofs.search import connection as certified
-from tippedisk_verify.proofs.search.connection import (
-    ConnectionStatus,
-    ProvedConnection,
-    prove_connection,
-)
-from tippedisk_verify.proofs.search.connection_cycles import (
+from tippedisk_verify.proofs.kernel.certificates.connection import _converges_slowly
+from tippedisk_verify.proofs.search import connection_proof as certified
+from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     ConnectionCyclesStatus,
     prove_connection_cycles,
+)
+from tippedisk_verify.proofs.search.connection_proof import (
+    ConnectionStatus,
+    ProvedConnection,
+    prove_connection,
 )
 from tippedisk_verify.reference_values.lookup import reference
 
@@ -80,12 +80,12 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
 def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     z = [arb(0, 1e-9), arb("0.01", 1e-9), arb("0.001", 1e-9)]
     apart = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -100]])
-    assert _slowly(apart, z)
-    assert not _slowly(apart, [z[0], z[2], z[1]])
-    assert not _slowly(apart, [z[0], arb(0, "0.01"), z[2]])
+    assert _converges_slowly(apart, z)
+    assert not _converges_slowly(apart, [z[0], z[2], z[1]])
+    assert not _converges_slowly(apart, [z[0], arb(0, "0.01"), z[2]])
     # The discs are [-11, -5] and [-16.9, -10.9]
     near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])
-    assert not _slowly(near, z)
+    assert not _converges_slowly(near, z)
 
 
 @pytest.mark.slow

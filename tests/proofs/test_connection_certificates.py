@@ -22,10 +22,10 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic
-from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, proved
+from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, verify_content
 from tippedisk_verify.proofs.kernel.certificates.connection import _departure
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
-from tippedisk_verify.proofs.search.connection_cycles import prove_connection_cycles
+from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def refused(text: str, line: str, act: Change) -> None:
     assert content != json.loads(text), line
     content["sha256"] = certificates.digest(content)
     with pytest.raises(Unproved, match=line) as fault:
-        proved(content)
+        verify_content(content)
     assert str(fault.value).isprintable()
 
 
@@ -103,7 +103,7 @@ def test_a_weaker_claim_is_accepted_as_what_it_says(text: str) -> None:
     content = json.loads(text)
     content["claim"]["unique"] = content["claim"]["upright"] = False
     content["sha256"] = certificates.digest(content)
-    sentence = proved(content)
+    sentence = verify_content(content)
     assert "at least one Omega" in sentence
     assert "all along" not in sentence
 
@@ -139,7 +139,7 @@ def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice, text: str)
     content = json.loads(text)
     content["claim"]["beta"] = "0.006"
     with pytest.raises(Unproved, match="digest"):
-        proved(content)
+        verify_content(content)
 
 
 def test_a_place_where_nothing_can_be_written_is_refused(tmp_path) -> None:
@@ -200,7 +200,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
         assert float(cycle.dperiod_domega) < 0
     text = end.certificate()
     assert len(text) < 60_000
-    assert proved(json.loads(text)) == end.statement
+    assert verify_content(json.loads(text)) == end.statement
     for part in (
         PRINTED.definition(),
         "from 30.0474 to 30.0569 rad/s exactly one, Omega_h",

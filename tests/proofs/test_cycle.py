@@ -31,10 +31,10 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.cycle import (
+from tippedisk_verify.proofs.search.cycle_proof import (
     ROTATING_SECTION,
     CycleProof,
     CycleStatus,
@@ -202,7 +202,7 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
                 *zip(column, ahead.image, here.image, strict=True),
             ]
             if flight is half_flight:
-                pairs.append((whole.turn_by_start[k], ahead.beta_least, here.beta_least))
+                pairs.append((whole.beta_least_by_start[k], ahead.beta_least, here.beta_least))
                 assert whole.beta_least.contains(ahead.beta_least)
             for slope, after, before in pairs:
                 assert (slope * step).overlaps(after - before)

@@ -27,20 +27,20 @@ from tippedisk_verify.proofs.kernel import field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
 from tippedisk_verify.proofs.kernel.certificates import check
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
-from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.half_map_of_curves import fly
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
+from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.search import curve_choices
 from tippedisk_verify.proofs.search import family_intervals as search
-from tippedisk_verify.proofs.search.connection_cycles import (
+from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     ConnectionCyclesStatus,
 )
 from tippedisk_verify.proofs.search.curve_choices import BITS, CurveStepSearch, prove_piece
-from tippedisk_verify.proofs.search.cycle import prove_cycle
-from tippedisk_verify.proofs.search.family import FamilyProof
+from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof import parameter_texts
 from tippedisk_verify.reference_values.lookup import reference
 

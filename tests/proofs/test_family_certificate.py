@@ -28,7 +28,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     verify,
     verify_piece,
 )
-from tippedisk_verify.proofs.search.family import FamilyProof
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof import parameter_texts
 
 
@@ -219,7 +219,7 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
         return Test()
 
     monkeypatch.setattr(module, "box_test", box_test)
-    monkeypatch.setattr(module, "signs", lambda arc: said.append("signs"))
+    monkeypatch.setattr(module, "first_unproved_sign", lambda arc: said.append("signs"))
     narrow, wide = {"radii": ["0.01", "0.02"], "steps": []}, {"radii": ["0.1", "0.2"], "steps": []}
     piece = verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
     assert said == [[0.01, 0.02], "signs", [0.1, 0.2]]
@@ -257,7 +257,7 @@ def test_an_arc_that_is_none_is_not_shown(change) -> None:
 
 
 def test_what_is_no_arc_is_refused() -> None:
-    with pytest.raises(certificates.Refused, match="arc 2"):
+    with pytest.raises(certificates.NotACertificate, match="arc 2"):
         verify_piece((DISK, Fraction("0.5"), 2, ARC))
 
 
@@ -294,13 +294,13 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         return [shown[job[2]] for job in jobs]
 
     # The sentence is the one that was proved, word for word.
-    assert certificates.proved(content, mapped) == proof.statement
+    assert certificates.verify_content(content, mapped) == proof.statement
     for piece, again in zip(proved, shown.values(), strict=True):
         assert all(a <= b for a, b in zip(again.within, piece.within, strict=True))
     for spoil, said in IN_THE_ARC.values():
         arc = copy.deepcopy(content["evidence"]["arcs"][1])
         spoil(arc)
-        with pytest.raises((certificates.Unproved, certificates.Refused), match=said):
+        with pytest.raises((certificates.Unproved, certificates.NotACertificate), match=said):
             verify_piece((DISK, Fraction("0.1"), 2, arc))
     assert first(SUBCRITICAL) is module.ArcStatus.RISING
     for other in (SUBCRITICAL, CALIBRATED):
@@ -310,7 +310,7 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
             )
     content["claim"]["amplitude_end"] = "0.12"
     with pytest.raises(certificates.Unproved, match="digest"):
-        certificates.proved(content, mapped)
+        certificates.verify_content(content, mapped)
     content["sha256"] = certificates.digest(content)
     with pytest.raises(certificates.Unproved, match="amplitude_end"):
-        certificates.proved(content, mapped)
+        certificates.verify_content(content, mapped)

@@ -25,9 +25,9 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.field import constants, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.field import field as kernel_field
-from tippedisk_verify.proofs.kernel.flow import Model
-from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
 from tippedisk_verify.proofs.numbers import ball_to_measured
 
 LAWS = (

@@ -14,7 +14,7 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import Trial
 from tippedisk_verify.proofs.numbers import ball_to_measured

@@ -18,7 +18,7 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of
-from tippedisk_verify.proofs.search.fold import (
+from tippedisk_verify.proofs.search.fold_proof import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     FoldProof,

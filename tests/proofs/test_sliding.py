@@ -22,14 +22,14 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.field import sliding_motion
-from tippedisk_verify.proofs.kernel.flow import FlowStatus
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection import (
+from tippedisk_verify.proofs.search.connection_proof import (
     ProvedConnection,
     prove_connection,
 )
-from tippedisk_verify.proofs.search.cycle import prove_cycle
+from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 from tippedisk_verify.reference_values.lookup import reference
 

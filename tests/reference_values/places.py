@@ -17,7 +17,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.reference_values.draws import decimal_text
-from tippedisk_verify.reference_values.items import READINGS, Item
+from tippedisk_verify.reference_values.questions import READINGS, ReferenceQuestion
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import RESIDUAL_POINTS
 
@@ -46,7 +46,7 @@ _ROTATIONS = (
 _QUARTER = "1.5707963267948966192313216916397514420985846996876"
 
 
-def _rhs(name: str) -> Iterator[Item]:
+def _rhs(name: str) -> Iterator[ReferenceQuestion]:
     """Return 200 states and speeds, the same for every set; a tenth are close to beta = pi/2."""
     for n in range(1, _STATES + 1):
         shares = _kronecker(n, 4)
@@ -61,35 +61,35 @@ def _rhs(name: str) -> Iterator[Item]:
             "v": decimal_text((2 * shares[2] - 1) * 12, 4),
         }
         for law in ("both", *_LAWS):
-            yield Item(f"{name}/{law}/rhs/{n:03d}", inputs)
+            yield ReferenceQuestion(f"{name}/{law}/rhs/{n:03d}", inputs)
 
 
-def _equilibria(name: str) -> Iterator[Item]:
+def _equilibria(name: str) -> Iterator[ReferenceQuestion]:
     for speed in _EQUILIBRIUM_SPEEDS:
         for state in ("inverted", "noninverted"):
-            yield Item(
+            yield ReferenceQuestion(
                 f"{name}/both/equilibrium/{state}-{speed}", {"Omega": speed, "equilibrium": state}
             )
 
 
-def _harmonic_balances(name: str) -> Iterator[Item]:
+def _harmonic_balances(name: str) -> Iterator[ReferenceQuestion]:
     for below in _BALANCE_BELOW:
         for form in ("printed", "consistent"):
             inputs = {"Omega": _below_crit(name, below), "form": form}
-            yield Item(f"{name}/linear/harmonic-balance/{form}-crit-{below}", inputs)
+            yield ReferenceQuestion(f"{name}/linear/harmonic-balance/{form}-crit-{below}", inputs)
 
 
-def _slow_manifolds(name: str) -> Iterator[Item]:
+def _slow_manifolds(name: str) -> Iterator[ReferenceQuestion]:
     for n, (beta, gamma) in enumerate(RESIDUAL_POINTS, start=1):
         inputs = {
             "Omega": _MANIFOLD_SPEED,
             "beta": decimal_text(beta, 4),
             "gamma": decimal_text(gamma, 4),
         }
-        yield Item(f"{name}/linear/slow-manifold/{n:02d}", inputs)
+        yield ReferenceQuestion(f"{name}/linear/slow-manifold/{n:02d}", inputs)
 
 
-def _trajectories(name: str) -> Iterator[Item]:
+def _trajectories(name: str) -> Iterator[ReferenceQuestion]:
     """Return the two orbits of each of the six scenes."""
     starts = (
         (_QUARTER, f"-{_QUARTER}", "2"),
@@ -101,18 +101,18 @@ def _trajectories(name: str) -> Iterator[Item]:
             for n, start in enumerate(starts, start=1):
                 inputs = dict(zip(("beta", "gamma", "v"), start, strict=True))
                 inputs = {"Omega": decimal_text(base + scene.offset, 12), **inputs}
-                yield Item(f"{name}/{law}/trajectory/{scene.name}{n}", inputs)
+                yield ReferenceQuestion(f"{name}/{law}/trajectory/{scene.name}{n}", inputs)
 
 
-def _cycles(name: str) -> Iterator[Item]:
+def _cycles(name: str) -> Iterator[ReferenceQuestion]:
     for law in _LAWS:
         for below in _CYCLES_BELOW:
-            yield Item(
+            yield ReferenceQuestion(
                 f"{name}/{law}/limit-cycle/crit-{below}", {"Omega": _below_crit(name, below)}
             )
 
 
-def _near_heteroclinics(name: str) -> Iterator[Item]:
+def _near_heteroclinics(name: str) -> Iterator[ReferenceQuestion]:
     """Return limit cycles at Omega_h + 10^-k.
 
     The speed is written in full; doubles can distinguish it from Omega_h down to k = 8.
@@ -125,25 +125,27 @@ def _near_heteroclinics(name: str) -> Iterator[Item]:
                 omega_h + Fraction(1, 10**k), 15 if in_doubles else k + _NEAR_DIGITS
             )
             readings = READINGS if in_doubles else READINGS[:1]
-            yield Item(f"{name}/{law}/near-heteroclinic/het+1e-{k}", {"Omega": speed}, readings)
+            yield ReferenceQuestion(
+                f"{name}/{law}/near-heteroclinic/het+1e-{k}", {"Omega": speed}, readings
+            )
 
 
-def _rotations(name: str) -> Iterator[Item]:
+def _rotations(name: str) -> Iterator[ReferenceQuestion]:
     """Return two stable cycles, and unstable ones below Omega_h, below Omega_crit and above it."""
     for law in _LAWS:
         for form, base, away in _ROTATIONS:
             speed = (_crit(name) if base == "crit" else _omega_h(name, law).value) + Fraction(away)
             inputs = {"Omega": decimal_text(speed, 12), "form": form}
-            yield Item(f"{name}/{law}/rotating-cycle/{form}-{base}{away}", inputs)
+            yield ReferenceQuestion(f"{name}/{law}/rotating-cycle/{form}-{base}{away}", inputs)
 
 
-def _points(kind: str, *laws: str) -> Callable[[str], Iterator[Item]]:
+def _points(kind: str, *laws: str) -> Callable[[str], Iterator[ReferenceQuestion]]:
     """Return the questions that need only the disk."""
-    return lambda name: (Item(f"{name}/{law}/{kind}/point", {}) for law in laws)
+    return lambda name: (ReferenceQuestion(f"{name}/{law}/{kind}/point", {}) for law in laws)
 
 
 #: All questions of a kind for a parameter set; kinds in order of difficulty.
-PLACES: dict[str, Callable[[str], Iterator[Item]]] = {
+PLACES: dict[str, Callable[[str], Iterator[ReferenceQuestion]]] = {
     "rhs": _rhs,
     "equilibrium": _equilibria,
     "hopf": _points("hopf", "linear"),

@@ -28,9 +28,9 @@ pytest_plugins = ["pytester"]
 def installed(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Install the small folder in place of the data."""
     monkeypatch.setattr(reading, "data_folder", lambda: folder)
-    reading.stored.cache_clear()
+    reading.load_store.cache_clear()
     yield folder
-    reading.stored.cache_clear()
+    reading.load_store.cache_clear()
 
 
 def _flip(path: Path, draw: random.Random) -> bytes:
@@ -86,7 +86,7 @@ def test_whoever_reads_refuses(
     ]
     for words in commands:
         printed(words)
-    reading.stored.cache_clear()
+    reading.load_store.cache_clear()
     (tmp_path / "q.csv").unlink()
     _flip(installed / name, random.Random(6))
     for words in commands:
@@ -124,7 +124,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     """An answer stays that of its question, or a message appears: an id may turn into another valid
     one.
     """
-    store = reading.stored()
+    store = reading.load_store()
     asked = questions(store, sets=["table1"], levels=[1])[::80]
     written, empty, filled = {
         "csv": (sheet_csv, r"(?m),,$", ",doubles,1.5"),
@@ -137,7 +137,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     path, draw, told = tmp_path / f"sheet.{form}", random.Random(8), 0
     path.write_text(re.sub(empty, filled, text))
     whole, content = read_answers(path, store), path.read_bytes()
-    assert len(whole.given) == len(asked)
+    assert len(whole.by_id) == len(asked)
     assert not whole.altered_entries
     for _ in range(100):
         question = draw.choice(rows)
@@ -153,13 +153,13 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
         if found.altered_entries or found.unknown or found.repeated or found.short_rows:
             told += 1
         else:
-            assert found.given == whole.given
+            assert found.by_id == whole.by_id
     # The rest are names in JSON that nobody needs, and numbers that are the same double
     assert told > 40
 
 
 def test_a_remark_says_which_row_asks_something_else(tmp_path: Path) -> None:
-    store = reading.stored()
+    store = reading.load_store()
     text = sheet_csv(store, [store[_ID], store["table1/both/rhs/001/M"]]).replace(",,\n", ",,1\n")
     path = tmp_path / "sheet.csv"
     for change, remark in (

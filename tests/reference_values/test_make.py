@@ -19,8 +19,8 @@ from tests.stress.runs import MAKE
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values.checking import check, stored_questions
-from tippedisk_verify.reference_values.items import case_of
-from tippedisk_verify.reference_values.store import Store, quantity_definitions, stored
+from tippedisk_verify.reference_values.questions import case_of
+from tippedisk_verify.reference_values.store import Store, load_store, quantity_definitions
 
 SETS = ("table1", "calibrated")
 INTEGRATED = ("trajectory", "near-heteroclinic", "rotating-cycle")
@@ -43,7 +43,7 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
     assert list(CONFIRM) == list(quantity_definitions())
     for kind, methods in CONFIRM.items():
         assert list(methods_of(kind))[1:] == list(methods)
-    for quantity in stored().values():
+    for quantity in load_store().values():
         assert set(quantity.methods) <= set(methods_of(quantity.kind))
 
 
@@ -57,7 +57,7 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
 def test_questions_are_where_the_rules_put_them(kind: str) -> None:
     for name in SETS:
         stored_items = [
-            one.item for one in stored_questions(stored(), f"{name}/") if one.item.kind == kind
+            one.item for one in stored_questions(load_store(), f"{name}/") if one.item.kind == kind
         ]
         assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
             (one.id, dict(one.inputs), one.readings) for one in stored_items
@@ -66,7 +66,7 @@ def test_questions_are_where_the_rules_put_them(kind: str) -> None:
 
 def test_the_further_methods_agree() -> None:
     for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
-        entries = [entry for entry in stored_questions(stored()) if entry.item.kind == kind]
+        entries = [entry for entry in stored_questions(load_store()) if entry.item.kind == kind]
         entry = random.Random(7).choice(entries)
         answers = confirmed(case_of(entry.item, "doubles"), entry.values("doubles"))
         assert any(answers.values()) or entry.item.friction == "both"
@@ -77,7 +77,7 @@ def test_the_further_methods_agree() -> None:
     "id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"]
 )
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
-    (entry,) = stored_questions(stored(), f"{id_}/")
+    (entry,) = stored_questions(load_store(), f"{id_}/")
     answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
     assert set(answers) == set(CONFIRM[entry.item.kind])
 
@@ -98,7 +98,7 @@ def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> Non
 def test_a_false_value_is_excluded_by_another_method(
     id_: str, reading: str, name: str, false: Callable[[Measured], Measured], by: str
 ) -> None:
-    (entry,) = stored_questions(stored(), f"{id_}/")
+    (entry,) = stored_questions(load_store(), f"{id_}/")
     values = entry.values(reading)
     values[name] = false(values[name])
     with pytest.raises(AccuracyError, match=f"by {by}: {name}"):
@@ -110,9 +110,9 @@ def test_what_is_made_is_what_is_stored(tmp_path: Path) -> None:
     """Compare to the half-widths, because the last digits depend on the libraries."""
     assert generate(tmp_path, QUICK) == 25
     made = Store(tmp_path)
-    assert list(made) == [id_ for id_ in stored() if id_.startswith(QUICK)]
+    assert list(made) == [id_ for id_ in load_store() if id_.startswith(QUICK)]
     for id_, quantity in made.items():
-        known = stored()[id_]
+        known = load_store()[id_]
         assert (quantity.unit, quantity.inputs, quantity.grade) == (
             known.unit,
             known.inputs,

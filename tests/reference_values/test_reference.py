@@ -18,22 +18,22 @@ from tests.command_line import answer, printed
 from tests.problems import paper_rates, paper_terms
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.baseline import Baseline
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import (
-    StoredItem,
+    StoredQuestion,
     check,
-    recomputed,
+    recompute,
     stored_questions,
 )
-from tippedisk_verify.reference_values.items import as_doubles, case_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
+from tippedisk_verify.reference_values.questions import as_doubles, case_of
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
-    stored,
+    load_store,
     table_rows,
 )
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
@@ -43,7 +43,7 @@ SETS = ("table1", "calibrated")
 
 @pytest.fixture(scope="module")
 def store() -> Store:
-    return stored()
+    return load_store()
 
 
 # ---------------------------------------------------------------------------------------- contents
@@ -155,7 +155,7 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
 def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> None:
     known = [entry for entry in stored_questions(store) if entry.item.kind == kind]
     for entry in random.Random(7).sample(known, min(entries, len(known))):
-        count, faults = recomputed(entry)
+        count, faults = recompute(entry)
         assert faults == []
         assert count == len(entry.quantities) * len(entry.item.readings)
 
@@ -164,7 +164,7 @@ def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> Non
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
     (entry,) = stored_questions(store, f"table1/linear/{id_}/")
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
-    found = shoot_known_cycle(case, values, Baseline())
+    found = shoot_known_cycle(case, values, ScipyEngine())
     names = found.return_map.section.names
     # SciPy's tolerance is 1e-13
     assert found.point == pytest.approx([values[name] for name in names], rel=1e-10)
@@ -180,7 +180,7 @@ def test_a_false_digit_is_found(store: Store) -> None:
         changed.append(
             replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)})
         )
-    _, faults = recomputed(StoredItem(entry.item, tuple(changed)))
+    _, faults = recompute(StoredQuestion(entry.item, tuple(changed)))
     assert len(faults) == 1
     assert "period_slope" in faults[0]
 

@@ -21,8 +21,8 @@ from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import (
     data_folder,
     definition_of,
+    load_store,
     quantity_definitions,
-    stored,
     table_rows,
 )
 
@@ -51,7 +51,7 @@ def test_values_change_with_their_version() -> None:
 
     If this fails, values have changed: raise the version, and put the new hash here.
     """
-    values = {id_: quantity.values["decimals"][0] for id_, quantity in stored().items()}
+    values = {id_: quantity.values["decimals"][0] for id_, quantity in load_store().items()}
     assert (DATA_VERSION, digest(values)[:16]) == ("2.0.0", "287c815a349ae66b")
 
 
@@ -201,7 +201,7 @@ def test_the_programs_of_the_readme(language: str, tmp_path: Path) -> None:
     done = _output(language, program, tmp_path, DATA / "values.csv")
     if language == "c":
         assert dict(zip(done[::2], map(float, done[1::2]), strict=True)) == {
-            id_: tv.reference(id_).for_doubles for id_ in stored() if id_.endswith("/omega_h")
+            id_: tv.reference(id_).for_doubles for id_ in load_store() if id_.endswith("/omega_h")
         }
         return
     assert len(done) == 3 * 10 + 5
@@ -214,7 +214,7 @@ def test_the_programs_of_the_readme(language: str, tmp_path: Path) -> None:
 # ------------------------------------------------------------------------------------- definitions
 def test_every_quantity_is_defined_where_it_is_shown() -> None:
     page = (ROOT / "docs" / "grading_equations.md").read_text(encoding="utf-8")
-    for quantity in stored().values():
+    for quantity in load_store().values():
         definition = definition_of(quantity.kind, quantity.name)
         assert (definition.level, definition.unit) == (quantity.level, quantity.unit)
         assert quantity.definition == definition.meaning != ""

@@ -11,15 +11,15 @@ from pathlib import Path
 import pytest
 
 from tests.command_line import answer
-from tippedisk_verify.audit.catalogue import CLAIMS, selected
-from tippedisk_verify.audit.claims import Audit, Finding, examined
+from tippedisk_verify.audit.claim_catalogue import CLAIMS, select_claims
+from tippedisk_verify.audit.claims import Audit, Finding, examine_claim
 from tippedisk_verify.cache import VARIABLE, Cache
 from tippedisk_verify.commands.jobs import processes
-from tippedisk_verify.figures.catalogue import EXHIBITS
+from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.report import work
-from tippedisk_verify.report.work import AuditJob, Task, key, run, tasks_for
+from tippedisk_verify.report import tasks as audit_tasks
+from tippedisk_verify.report.tasks import AuditJob, Task, key, run, tasks_for
 
 LOCAL = ("omega_crit", "lambda_3", "sliding_velocity", "chi", "period_crit")
 HEAVY = (
@@ -42,8 +42,8 @@ def alone(tasks: int) -> AbstractContextManager[None]:
 
 def test_a_record_loses_nothing() -> None:
     audit = Audit(PRINTED, default_engine())
-    for claim in selected([*LOCAL, "attraction", "order_1_hopf"]):
-        finding = examined(audit, claim)
+    for claim in select_claims([*LOCAL, "attraction", "order_1_hopf"]):
+        finding = examine_claim(audit, claim)
         record = json.loads(json.dumps(finding.record()))
         assert Finding.of_record(record) == finding
         assert Finding.of_record(record).record() == record
@@ -78,7 +78,7 @@ def test_nothing_is_computed_for_what_is_kept(
     order, cache = AuditJob(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
     first, _ = run(order, tasks, cache, alone, quiet)
-    monkeypatch.setattr(work, "run_task", None)
+    monkeypatch.setattr(audit_tasks, "run_task", None)
     assert run(order, tasks, cache, alone, quiet) == (first, frozenset(tasks))
 
 
@@ -136,16 +136,16 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
 
 
 def test_every_claim_of_the_paper_has_a_formula_that_can_be_drawn() -> None:
-    from tippedisk_verify.figures.formula import formulas_drawn
+    from tippedisk_verify.figures.formula import draw_formulas
 
     assert [claim.name for claim in CLAIMS if claim.own_check] == [
         claim.name for claim in CLAIMS if not claim.formula
     ]
-    drawn = formulas_drawn(claim.formula for claim in CLAIMS if claim.formula)["drawn"]
+    drawn = draw_formulas(claim.formula for claim in CLAIMS if claim.formula)["drawn"]
     assert all(text.startswith("<svg role") for text in drawn.values())
     assert max(text.count("<svg") for text in drawn.values()) > 5  # the longest wraps like text
     with pytest.raises(ValueError, match="nonsense"):
-        formulas_drawn([r"\nonsense"])
+        draw_formulas([r"\nonsense"])
 
 
 def test_exhibits_belong_to_claims() -> None:

@@ -304,7 +304,7 @@ def test_one_mistake_is_refused_and_nothing_is_written(room: Path, draws: int) -
 
 # ------------------------------------------------------------------------------------- from Python
 _DISK, _LANES, _ID = tv.Disk("table1"), tv.BatchTaylor(1), "table1/linear/hopf/point/period"
-_ENGINE, _OTHER = tv.Taylor(), tv.Baseline()
+_ENGINE, _OTHER = tv.Taylor(), tv.ScipyEngine()
 #: Values of every Python type that no parameter of a public function may take.
 OBJECTS: Wrong = (
     *(
@@ -459,8 +459,8 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
             lambda x: tv.Disk("table1", friction=x),
             lambda x: _asked(x),
             lambda x: _asked(domain=x),
-            lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel("d", x),
-            lambda x: tv.Audit(tv.PRINTED, _ENGINE).panel(x, "printed"),
+            lambda x: tv.Audit(tv.PRINTED, _ENGINE).computed_scene("d", x),
+            lambda x: tv.Audit(tv.PRINTED, _ENGINE).computed_scene(x, "printed"),
         ],
     ),
     (([2.0], [0.5, 0.25], ["a"], "ab"), [lambda x: _integrated(t_eval=x)]),
@@ -500,7 +500,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
     ),
     ((*TEXTS, "g", "A", "aa", _TEXT, *OBJECTS), [lambda x: tv.scene_named(x)]),
     ((*TEXTS, "Cycle", _TEXT, *OBJECTS), [lambda x: tv.problem_named(x)]),
-    ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.Baseline(x)]),
+    ((*TEXTS, "RK23", _TEXT, *OBJECTS), [lambda x: tv.ScipyEngine(x)]),
 ]
 
 

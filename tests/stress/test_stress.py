@@ -15,7 +15,13 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.stress.battery import CASES
-from tippedisk_verify.stress.case import CaseOutcome, StressCase, StressResult, flown, refused
+from tippedisk_verify.stress.case import (
+    CaseOutcome,
+    StressCase,
+    StressResult,
+    check_refusal,
+    compare_flight,
+)
 
 
 @pytest.mark.slow(minutes=2.5)
@@ -39,8 +45,8 @@ def test_a_wrong_claim_does_not_pass() -> None:
 
     # Loose: an error to be seen
     request = Request(PRINTED, 30.4, (1.4, 1.9, 0.5), 2, domain="none", tolerance=1e-9)
-    assert flown(request).honest
-    assert not flown(request, engine=boastful).honest
+    assert compare_flight(request).honest
+    assert not compare_flight(request, engine=boastful).honest
 
 
 def test_what_is_unforeseen_never_passes() -> None:
@@ -51,14 +57,14 @@ def test_what_is_unforeseen_never_passes() -> None:
         raise AccuracyError("not this close")
 
     outcome = StressResult.of(
-        StressCase("x", "x", broken, may=("digits", "unforeseen ZeroDivisionError"))
+        StressCase("x", "x", broken, passing_outcomes=("digits", "unforeseen ZeroDivisionError"))
     )
     assert not outcome.passed
     assert "by accident" in outcome.note
-    assert StressResult.of(StressCase("x", "x", short, may=("AccuracyError",))).passed
+    assert StressResult.of(StressCase("x", "x", short, passing_outcomes=("AccuracyError",))).passed
     assert not StressResult.of(StressCase("x", "x", short, 3)).passed
     assert not StressResult.of(StressCase("x", "x", lambda: CaseOutcome("digits", 2.9), 3)).passed
-    assert not refused(lambda: 1, InputError).honest
+    assert not check_refusal(lambda: 1, InputError).honest
 
 
 def test_the_command_lists_and_runs() -> None:

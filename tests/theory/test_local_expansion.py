@@ -10,7 +10,7 @@ import sympy as sp
 
 from tippedisk_verify.model.equations import terms
 from tippedisk_verify.model.friction import LAWS
-from tippedisk_verify.theory.expansion import derived, printed
+from tippedisk_verify.theory.expansion import derived_expansion, printed_expansion
 
 x, y, v, order = sp.symbols("x y v order")
 r, e, m, g, A, Bbar, mu, epsilon, Omega = sp.symbols(
@@ -52,7 +52,7 @@ def series() -> dict[str, sp.Poly]:
 
 @pytest.mark.parametrize("part", PARTS)
 def test_derived_expansion_term_by_term(part: str) -> None:
-    stated = getattr(derived(SYMBOLS, Omega), part)
+    stated = getattr(derived_expansion(SYMBOLS, Omega), part)
     found = {key: value for key, value in series()[part].terms() if value != 0}
     assert set(found) == set(stated)
     for key, value in found.items():
@@ -60,7 +60,7 @@ def test_derived_expansion_term_by_term(part: str) -> None:
 
 
 def test_where_the_printed_expansion_is_wrong() -> None:
-    claimed, follows = printed(SYMBOLS, Omega), derived(SYMBOLS, Omega)
+    claimed, follows = printed_expansion(SYMBOLS, Omega), derived_expansion(SYMBOLS, Omega)
     wrong = {
         (part, key): sp.expand(
             getattr(claimed, part).get(key, 0) - getattr(follows, part).get(key, 0)

@@ -5,11 +5,11 @@ from __future__ import annotations
 from fractions import Fraction
 from functools import partial
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, number
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, printed_number
 from tippedisk_verify.audit.linear_claims import EVERY_SPEED, NORMAL_FORM, closed_form
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.theory import hopf, one_harmonic_law
-from tippedisk_verify.theory.expansion import derived, printed
+from tippedisk_verify.theory.expansion import derived_expansion, printed_expansion
 
 __all__ = ["BALANCE_CLAIMS"]
 
@@ -20,7 +20,8 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
     """
     constants, speed = audit.sets[name].rational(), Fraction("30.4")
     follows, claimed = (
-        getattr(function(constants, speed), part) for function in (derived, printed)
+        getattr(function(constants, speed), part)
+        for function in (derived_expansion, printed_expansion)
     )
     wrong = sorted(
         key for key in {*follows, *claimed} if follows.get(key, 0) != claimed.get(key, 0)
@@ -50,7 +51,7 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
 
     The true slope follows from the first Lyapunov coefficient.
     """
-    parameters = audit.linear(name)
+    parameters = audit.under_linear_law(name)
     law = one_harmonic_law.slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
     slope = ("d(C^2)/dOmega", "dT/dOmega")[which]
@@ -58,7 +59,7 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
 
 
 def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    parameters = audit.linear(name)
+    parameters = audit.under_linear_law(name)
     kind = hopf.criticality(parameters)
     return (
         f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}",
@@ -201,7 +202,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:Csol+1",
         "chi = 1.31e-7 kg m^3",
         "1.31e-7",
-        number(closed_form("chi")),
+        printed_number(closed_form("chi")),
         note="the printed formula",
         methods=("closed form",),
         unit="kg m^3",
@@ -259,7 +260,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "below eq:omega_sol",
         "the period at the Hopf point is 0.886 s",
         "0.886",
-        number(closed_form("period_crit")),
+        printed_number(closed_form("period_crit")),
         note="0.8867 for Table 1 as rounded",
         methods=("closed form",),
         unit="s",

@@ -7,7 +7,7 @@ derives the same numbers from an outline.
 
 from __future__ import annotations
 
-__all__ = ["cited"]
+__all__ = ["published_numbers"]
 
 _EQUATIONS = """
     - 3DOF MassMatrix_3DOF GyroVector_3DOF force_3DOF gendir_3DOF gamma_y_3DOF lambda_y_3DOF lin_lambda_y_3DOF kin_3DOF
@@ -62,7 +62,7 @@ def _numbers() -> dict[str, tuple[str, str]]:
 _NUMBERS = _numbers()
 
 
-def cited(labels: str) -> str:
+def published_numbers(labels: str) -> str:
     """Return the published numbers of some LaTeX labels, as one text.
 
     ``eq:Csol`` gives "eq. (48)"; ``eq:3DOF_lin, fig:hom`` gives "eq. (13), Figure 7b". "eq:Csol+1"

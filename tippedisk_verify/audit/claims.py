@@ -15,7 +15,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
 
-from tippedisk_verify.audit.citations import cited
+from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.branch import cycles_found, librating_branch
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
@@ -23,12 +23,12 @@ from tippedisk_verify.cycles.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.motion.scenes import ComputedScene, computed_scene, scene_named
+from tippedisk_verify.motion.scenes import ComputedScene, compute_scene, scene_named
 
 __all__ = [
     "Answer",
@@ -41,8 +41,8 @@ __all__ = [
     "ProofOffer",
     "Theorem",
     "Verdict",
-    "examined",
-    "number",
+    "examine_claim",
+    "printed_number",
     "printed_word",
     "rounds_to",
     "sets_with",
@@ -140,7 +140,8 @@ class Claim:
     """A sentence, formula or number of the paper, or a cross-check of our own."""
 
     name: str
-    labels: str  #: LaTeX labels of equations, figures, tables and sections, as `cited` takes them
+    #: LaTeX labels of equations, figures, tables and sections, as `published_numbers` takes them
+    labels: str
     statement: str
     printed: str  #: the word, number or formula that the paper prints
     examine: Examination  #: compares one set with what is printed
@@ -157,7 +158,7 @@ class Claim:
     @property
     def cited(self) -> str:
         """The published numbers of the claim, then of the equations that it uses."""
-        return "own cross-check" if self.own_check else cited(self.labels)
+        return "own cross-check" if self.own_check else published_numbers(self.labels)
 
     @property
     def source(self) -> str:
@@ -179,16 +180,16 @@ class Audit(Printable):
     parameters: Parameters
     engine: Engine
     digits: int = 12
-    _kept: dict[tuple[str, ...], Any] = field(default_factory=dict)
+    _results: dict[tuple[str, ...], Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.parameters.refuse_own_law("the paper's claims are examined")
 
     def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
         """Return the shared result with this key; compute and store it when it is first needed."""
-        if key not in self._kept:
-            self._kept[key] = compute()
-        kept: T = self._kept[key]
+        if key not in self._results:
+            self._results[key] = compute()
+        kept: T = self._results[key]
         return kept
 
     @cached_property
@@ -199,11 +200,11 @@ class Audit(Printable):
     def _set(self, name: str) -> Parameters:
         if name not in self.sets:
             raise InputError(
-                f"parameter set '{shown(name)}' is not audited: use {', '.join(self.sets)}"
+                f"parameter set '{short_text(name)}' is not audited: use {', '.join(self.sets)}"
             )
         return self.sets[name]
 
-    def linear(self, name: str) -> Parameters:
+    def under_linear_law(self, name: str) -> Parameters:
         """Return a set under the linear law, for claims about expansions where the disk rolls.
 
         Args:
@@ -238,7 +239,7 @@ class Audit(Printable):
         """
         return self.connection(name).omega_h
 
-    def approach(self, name: str) -> PeriodContinuation:
+    def period_continuation(self, name: str) -> PeriodContinuation:
         """Return a set's limit cycles, followed towards Omega_h in double precision.
 
         Args:
@@ -263,7 +264,7 @@ class Audit(Printable):
             lambda: tuple(cycles_found(librating_branch(self._set(name), self.engine))),
         )
 
-    def panel(self, scene: str, name: str) -> ComputedScene:
+    def computed_scene(self, scene: str, name: str) -> ComputedScene:
         """Return one of the six scenes, computed for a set.
 
         Args:
@@ -274,7 +275,7 @@ class Audit(Printable):
         omega_h = self.omega_h(name) if definition.base == "Omega_h" else None
         return self._once(
             (scene, name),
-            lambda: computed_scene(definition, self._set(name), self.engine, omega_h=omega_h),
+            lambda: compute_scene(definition, self._set(name), self.engine, omega_h=omega_h),
         )
 
 
@@ -302,7 +303,7 @@ def rounds_to(measured: Measured, printed: str) -> bool | None:
     return False if distance - measured.uncertainty > half_unit else None
 
 
-def examined(audit: Audit, claim: Claim) -> Finding:
+def examine_claim(audit: Audit, claim: Claim) -> Finding:
     """Examine a claim on each audited set; our own checks use the selected set only.
 
     If a computation fails, its set is undecided, and the finding's note gives the reason. An own
@@ -328,7 +329,7 @@ def printed_word(compute: Callable[[Audit, str], str]) -> Examination:
     return _against(compute, str.__eq__)
 
 
-def number(compute: Callable[[Audit, str], Measured]) -> Examination:
+def printed_number(compute: Callable[[Audit, str], Measured]) -> Examination:
     """Return a function that examines a printed number of the paper: the computed number must round
     to it.
     """

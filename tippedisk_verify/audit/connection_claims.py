@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, number
-from tippedisk_verify.connection.bisection import unstable_branch
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, printed_number
+from tippedisk_verify.connection.bisection import follow_unstable_manifold
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
@@ -34,7 +34,7 @@ _START_DISTANCE = Fraction(1, 10**6)
 
 def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Compare the slope of T against log(Omega - Omega_h) at the end of the family with the law."""
-    above, period, ratio = audit.approach(name).law_rows(
+    above, period, ratio = audit.period_continuation(name).law_rows(
         float(audit.connection(name).saddle_eigenvalues[0])
     )[-1]
     # The law's remainder may fall as slowly as D^0.2, which is about a hundredth at D = 1e-8.
@@ -48,7 +48,7 @@ def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     omega_h = audit.omega_h(name).value
     ends = []
     for sign in (-1, 1):
-        result = unstable_branch(
+        result = follow_unstable_manifold(
             audit.sets[name], omega_h * (1 + sign * _RELATIVE_DISTANCE), audit.engine
         )
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
@@ -64,7 +64,7 @@ def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None
 
 
 def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    """Check that each noninverted state's unstable branch comes close to the other state at
+    """Check that each noninverted state's unstable manifold comes close to the other state at
     Omega_h.
     """
     import numpy
@@ -140,7 +140,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "below fig:Shooting",
         "the periodic solution vanishes at Omega_h = 30.07 rad/s",
         "30.07",
-        number(Audit.omega_h),
+        printed_number(Audit.omega_h),
         note=(
             "where the saddles' unstable and stable manifolds meet: for gamma in R the periodic "
             "solution ends there; on"
@@ -176,12 +176,12 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
     Claim(
         "only_above_omega_h",
         "sec:discussion",
-        "the periodic solution exists above Omega_h only: below, the saddle's unstable branch "
+        "the periodic solution exists above Omega_h only: below, the saddle's unstable manifold "
         "leaves the well",
         "existence above",
         _both_sides,
         note=(
-            "what the unstable branch does a thousandth off Omega_h, for gamma in R, where the "
+            "what the unstable manifold does a thousandth off Omega_h, for gamma in R, where the "
             "cycle about inverted"
             " spinning ends at Omega_h; rotating cycles are periodic on the cylinder, gamma modulo "
             "2 pi"
@@ -195,7 +195,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
             "others; and that from a "
             "thousandth of a rad/s below Omega_h up to it no cycle crosses beta = pi/2 next to the "
             "saddles as its do",
-            "that there is no other cycle below Omega_h, and what the saddle's unstable branch "
+            "that there is no other cycle below Omega_h, and what the saddle's unstable manifold "
             "does there",
         ),
     ),
@@ -205,7 +205,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "at Omega_h two heteroclinic connections form a cycle",
         "two connections",
         _both_connections,
-        note="each noninverted state's unstable branch reaches the other; the point symmetry maps "
+        note="each noninverted state's unstable manifold reaches the other; the point symmetry maps "
         "one to the other",
         methods=("trajectories",),
         formula=r"(\pi/2,\,-\pi/2,\,0) \rightleftarrows (\pi/2,\,3\pi/2,\,0)",

@@ -29,7 +29,7 @@ def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
     Return their endings, and None if one is undecided. Orbits that are repelled from one well may
     also end on a rotating cycle.
     """
-    endings = [orbit.ending for orbit in audit.panel(scene, name).orbits]
+    endings = [orbit.ending for orbit in audit.computed_scene(scene, name).orbits]
     expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
     undecided = any(ending.kind == "undecided" for ending in endings)
     outcome = None if undecided else all(ending.kind in expected for ending in endings)
@@ -95,7 +95,7 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     import numpy
 
     constants, smallest = audit.sets[name].at(DOUBLE), math.inf
-    for panel in (audit.panel(scene, name) for scene in "abcdef"):
+    for panel in (audit.computed_scene(scene, name) for scene in "abcdef"):
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
@@ -109,11 +109,12 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
 def _engines(audit: Audit, name: str, printed: str) -> Answer:
     """Compare the Taylor engine in double with itself in extended precision and with SciPy."""
-    from tippedisk_verify.flow.baseline import Baseline
+    from tippedisk_verify.flow.scipy_engine import ScipyEngine
 
     taylor = audit.engine if audit.engine.measures_error else default_engine()
-    scipy = Baseline("DOP853")
-    parameters = audit.linear(name)  # both engines have their full order under the linear law only
+    scipy = ScipyEngine("DOP853")
+    # both engines have their full order under the linear law only
+    parameters = audit.under_linear_law(name)
     crit = omega_crit(parameters, 20).value
     worst = claimed = Fraction(0)
     for share in ("0.98", "0.997", "1.016"):

@@ -13,7 +13,7 @@ from tippedisk_verify.audit.claims import (
     Fault,
     ProofOffer,
     Theorem,
-    number,
+    printed_number,
     printed_word,
     rounds_to,
 )
@@ -36,8 +36,8 @@ __all__ = ["EVERY_SPEED", "LINEAR_CLAIMS", "NORMAL_FORM", "closed_form", "table_
 EVERY_SPEED = Theorem("Theorem 1", ("certify equilibria --every-speed",), every_disk=True)
 NORMAL_FORM = Theorem("Theorem 3", ("certify hopf",), "linear")
 
-#: Table tab:dim_mass [SI units], with half a unit of each last digit. g is not printed; mu and
-#: epsilon are free choices.
+# Table tab:dim_mass [SI units], with half a unit of each last digit. g is not printed; mu and
+# epsilon are free choices.
 _TABLE = {
     "r": ("0.045", "0.5e-3"),
     "e": ("2.5e-3", "0.05e-3"),
@@ -47,7 +47,7 @@ _TABLE = {
     "g": ("9.81", "0.01"),
 }
 
-#: The closed forms whose values the paper prints, by claim. Each takes a disk and digits.
+# The closed forms whose values the paper prints, by claim. Each takes a disk and digits.
 _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
     "omega_crit": omega_crit,
     "period_crit": period_crit,
@@ -219,7 +219,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:approx_omega_crit",
         "Omega_crit = sqrt((r + e)^2 m g/(r Bbar)) = 30.92 rad/s",
         "30.92",
-        number(closed_form("omega_crit")),
+        printed_number(closed_form("omega_crit")),
         note="Table 1 as rounded gives less; a set inside its rounding gives it",
         methods=("closed form",),
         unit="rad/s",
@@ -247,7 +247,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:closed_la3",
         "lambda_3 is about A_33 = -129.04 1/s",
         "-129.04",
-        number(closed_form("lambda_3")),
+        printed_number(closed_form("lambda_3")),
         note="the number is A_33, the leading term; the eigenvalue itself depends on Omega",
         methods=("closed form",),
         unit="1/s",

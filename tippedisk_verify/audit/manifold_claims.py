@@ -80,7 +80,7 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
 
 
 def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool]:
-    speed = reduced_omega_crit(audit.linear(name), 1, 15)
+    speed = reduced_omega_crit(audit.under_linear_law(name), 1, 15)
     return speed, speed.holds(omega_crit(audit.sets[name], 30).value)
 
 

@@ -18,13 +18,13 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
-from tippedisk_verify.bench.truth import Truth, numbers_of, truth_of
+from tippedisk_verify.bench.truth import Truth, compute_truth, numbers_of
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import usable_cores
 from tippedisk_verify.provenance import processor, versions
 
-__all__ = ["Order", "Score", "fitted_order", "machine", "raced", "ratios"]
+__all__ = ["Order", "Score", "fitted_order", "machine_facts", "run_race", "run_time_ratios"]
 
 _MAX_REPEATS = 5  # at most
 _BRIEF_RUN = 0.03  # s; longer runs are repeated less often
@@ -99,12 +99,13 @@ class _Entry:
     status: str = ""
     prepared: Prepared | None = None
     outcome: MethodRun | None = None
-    ends: dict[int, Any] = field(default_factory=dict)  # by sample index: the end of a separate run
+    #: by sample index: the end of a separate run
+    ends: dict[int, Any] = field(default_factory=dict)
     preparation: float | None = None
     seconds: list[float] = field(default_factory=list)
 
 
-def raced(
+def run_race(
     problems: Sequence[Problem] = PROBLEMS,
     methods: Sequence[Method] = BENCH_METHODS,
     advance: Callable[[str, int], None] = lambda label, steps: None,
@@ -139,7 +140,7 @@ def raced(
                     if entry.seconds[0] <= _BRIEF_RUN:
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
-        truth = truth_of(problem, sharp)
+        truth = compute_truth(problem, sharp)
         for method in methods:
             mine = [entry for entry in entries if entry.method is method]
             settings = [entry.setting for entry in mine]
@@ -289,7 +290,7 @@ def fitted_order(
     return Order(falls * float(slope), math.sqrt(abs(float(covariance[0, 0]))), len(points), cost)
 
 
-def ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
+def run_time_ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
     """Compare the run times of groups of integrators: the fastest runs within each bound of the
     error.
 
@@ -328,7 +329,7 @@ def _row(best: dict[str, Score]) -> dict[str, Any]:
     return row
 
 
-def machine() -> dict[str, Any]:
+def machine_facts() -> dict[str, Any]:
     """Return the processor, cores and package versions of this machine."""
     from tippedisk_verify.flow.jit import heyoka_module
 

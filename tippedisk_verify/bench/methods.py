@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from tippedisk_verify.bench.problems import Problem
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine, Status
 from tippedisk_verify.flow.jit import heyoka_module
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
@@ -226,10 +226,10 @@ BENCH_METHODS: tuple[Method, ...] = (
     Method("taylor beyond double", "heyoka", tuple(_PRECISIONS)[1:], _beyond_double),
     Method("with half-widths, digits", "half-widths", _DIGITS, _with_half_widths),
     *(
-        Method(f"scipy {name}", "scipy", _TOLERANCES, _engine(Baseline, name))
+        Method(f"scipy {name}", "scipy", _TOLERANCES, _engine(ScipyEngine, name))
         for name in ("RK45", "LSODA", "Radau", "BDF")
     ),
-    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(Baseline, "DOP853")),
+    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(ScipyEngine, "DOP853")),
     Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
     Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
 )

@@ -16,12 +16,20 @@ import numpy
 from tippedisk_verify.bench.measurement import Score
 from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem, problem_named
-from tippedisk_verify.bench.truth import truth_of
+from tippedisk_verify.bench.truth import compute_truth
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import entries, fraction, shown
+from tippedisk_verify.model.exact import as_list, fraction, short_text
 
-__all__ = ["OWN", "TOLERANCES", "Solver", "question", "scores_of", "states_of", "user_method"]
+__all__ = [
+    "OWN",
+    "TOLERANCES",
+    "Solver",
+    "checked_states",
+    "question",
+    "read_scores",
+    "user_method",
+]
 
 #: A user's integrator: the states (n, 3) at ``problem.times`` to a relative tolerance.
 Solver = Callable[[Problem, float], Any]
@@ -53,7 +61,7 @@ def user_method(
     """
 
     def states(problem: Problem, tolerance: float) -> Any:
-        return states_of(solver(problem, tolerance), problem)
+        return checked_states(solver(problem, tolerance), problem)
 
     def prepare(problem: Problem, tolerance: float) -> Prepared:
         def run(duration: float) -> Any:
@@ -66,15 +74,17 @@ def user_method(
 
 def _settings(tolerances: object) -> tuple[float, ...]:
     try:
-        settings = tuple(float(fraction(entry)) for entry in entries(tolerances))
+        settings = tuple(float(fraction(entry)) for entry in as_list(tolerances))
     except (InputError, OverflowError):
         settings = ()
     if not settings or min(settings) <= 0:
-        raise InputError(f"tolerances are positive numbers such as 1e-6, not {shown(tolerances)}")
+        raise InputError(
+            f"tolerances are positive numbers such as 1e-6, not {short_text(tolerances)}"
+        )
     return settings
 
 
-def states_of(answer: Any, problem: Problem) -> Any:
+def checked_states(answer: Any, problem: Problem) -> Any:
     """Check what a user's integrator has returned, and return it as an array of states (n, 3).
 
     Raises ValueError unless it has a finite state for each time.
@@ -111,7 +121,7 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
     }
 
 
-def scores_of(file: Path, text: str) -> list[Score]:
+def read_scores(file: Path, text: str) -> list[Score]:
     """Return the scores of runs that were made elsewhere.
 
     Args:
@@ -139,7 +149,7 @@ def scores_of(file: Path, text: str) -> list[Score]:
 
 def _score_of(name: str, row: Mapping[str, str]) -> Score:
     problem = problem_named(row["problem"])
-    truth = truth_of(problem, False)
+    truth = compute_truth(problem, False)
     seconds = _entry(row, "seconds")
     if "error" in row:
         error = _entry(row, "error")
@@ -176,4 +186,4 @@ def _entry(row: Mapping[str, str], column: str, true: Fraction = Fraction(0)) ->
         return float(fraction(row[column]) - true)
     except (InputError, OverflowError):
         label = {"seconds": "time"}.get(column, column)
-        raise InputError(f"the {label} '{shown(row[column])}' is not a number") from None
+        raise InputError(f"the {label} '{short_text(row[column])}' is not a number") from None

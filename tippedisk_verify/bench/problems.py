@@ -13,7 +13,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.arrays import ArrayFunction
 from tippedisk_verify.model.equations import field
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
@@ -34,7 +34,7 @@ class Problem:
     """
 
     name: str
-    says: str
+    description: str
     parameters: Parameters
     omega: float  #: [rad/s]
     start: tuple[float, float, float]  #: beta, gamma [rad], v [rad/s]
@@ -91,9 +91,9 @@ class Problem:
             InputError: If the language is another one.
         """
         if language not in tuple(_SOURCES):  # a list cannot be a key
-            raise InputError(f"no source in '{shown(language)}': use {' or '.join(_SOURCES)}")
-        rates = field(_Written, self.parameters.at(DOUBLE), self.omega, self.friction)
-        rows = rates(*(_Written(name) for name in ("beta", "gamma", "v")))
+            raise InputError(f"no source in '{short_text(language)}': use {' or '.join(_SOURCES)}")
+        rates = field(_SourceExpression, self.parameters.at(DOUBLE), self.omega, self.friction)
+        rows = rates(*(_SourceExpression(name) for name in ("beta", "gamma", "v")))
         return _SOURCES[language].format(*rows)
 
     def request(self, **options: Any) -> Request:
@@ -103,7 +103,7 @@ class Problem:
         )
 
 
-class _Written:
+class _SourceExpression:
     """An expression that is built up as text by arithmetic, in the notation that Python and C
     share.
     """
@@ -114,34 +114,34 @@ class _Written:
     def __str__(self) -> str:
         return self.text
 
-    def _joined(self, sign: str, other: object) -> _Written:
-        return _Written(f"({self} {sign} {_number(other)})")
+    def _joined(self, sign: str, other: object) -> _SourceExpression:
+        return _SourceExpression(f"({self} {sign} {_number(other)})")
 
-    def _joined_after(self, sign: str, other: object) -> _Written:
-        return _Written(f"({_number(other)} {sign} {self})")
+    def _joined_after(self, sign: str, other: object) -> _SourceExpression:
+        return _SourceExpression(f"({_number(other)} {sign} {self})")
 
     __add__, __radd__ = partialmethod(_joined, "+"), partialmethod(_joined_after, "+")
     __sub__, __rsub__ = partialmethod(_joined, "-"), partialmethod(_joined_after, "-")
     __mul__, __rmul__ = partialmethod(_joined, "*"), partialmethod(_joined_after, "*")
     __truediv__, __rtruediv__ = partialmethod(_joined, "/"), partialmethod(_joined_after, "/")
 
-    def __neg__(self) -> _Written:
-        return _Written(f"(-{self})")
+    def __neg__(self) -> _SourceExpression:
+        return _SourceExpression(f"(-{self})")
 
-    def __abs__(self) -> _Written:
-        return _Written(f"fabs({self})")
-
-    @staticmethod
-    def sin(angle: object) -> _Written:
-        return _Written(f"sin({angle})")
+    def __abs__(self) -> _SourceExpression:
+        return _SourceExpression(f"fabs({self})")
 
     @staticmethod
-    def cos(angle: object) -> _Written:
-        return _Written(f"cos({angle})")
+    def sin(angle: object) -> _SourceExpression:
+        return _SourceExpression(f"sin({angle})")
+
+    @staticmethod
+    def cos(angle: object) -> _SourceExpression:
+        return _SourceExpression(f"cos({angle})")
 
 
 def _number(operand: object) -> str:
-    return operand.text if isinstance(operand, _Written) else repr(float(operand))  # type: ignore[arg-type]
+    return operand.text if isinstance(operand, _SourceExpression) else repr(float(operand))  # type: ignore[arg-type]
 
 
 Language = Literal["python", "c"]
@@ -245,6 +245,6 @@ def problem_named(name: str) -> Problem:
         if problem.name == name:
             return problem
     raise InputError(
-        f"problem '{shown(name)}' is not known: use "
+        f"problem '{short_text(name)}' is not known: use "
         f"{', '.join(problem.name for problem in PROBLEMS)}"
     )

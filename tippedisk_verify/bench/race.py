@@ -14,17 +14,23 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from tippedisk_verify.bench.measurement import Score, raced, ratios
+from tippedisk_verify.bench.measurement import Score, run_race, run_time_ratios
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method
-from tippedisk_verify.bench.own_methods import TOLERANCES, Solver, question, scores_of, user_method
+from tippedisk_verify.bench.own_methods import (
+    TOLERANCES,
+    Solver,
+    question,
+    read_scores,
+    user_method,
+)
 from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
 from tippedisk_verify.bench.truth import cut_at_returns
-from tippedisk_verify.dialogue import Program, started
+from tippedisk_verify.dialogue import Program, start_program
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_text
-from tippedisk_verify.model.exact import entries, shown
+from tippedisk_verify.model.exact import as_list, short_text
 from tippedisk_verify.model.results import Printable, data_frame
-from tippedisk_verify.progress import progress_of
+from tippedisk_verify.progress import show_progress
 
 __all__ = ["Race", "program_method", "race"]
 
@@ -44,7 +50,7 @@ class Race(Printable):
     def __str__(self) -> str:
         head = f"{'problem':<14}{'method':<26}{'setting':<12}{'time [ms]':>10}{'error':>10}"
         with_heyoka = any(score.family == "heyoka" for score in self.scores)
-        rows = (_comparison(row, with_heyoka) for row in ratios(self.scores))
+        rows = (_comparison(row, with_heyoka) for row in run_time_ratios(self.scores))
         orders = dict.fromkeys(map(_order, self.scores))
         return "\n".join([head, *map(_line, self.scores), *filter(None, orders), *rows])
 
@@ -65,7 +71,7 @@ class Race(Printable):
         Returns:
             The matplotlib figure.
         """
-        from tippedisk_verify.figures.race import draw_race
+        from tippedisk_verify.figures.race_figure import draw_race
 
         return draw_race(self.scores, columns)
 
@@ -135,16 +141,18 @@ def race(
         if not isinstance(name, str) or not (isinstance(solver, str) or callable(solver)):
             raise InputError(
                 "solvers are functions or commands by name, such as {'mine': function}, "
-                f"not {shown({name: solver})}"
+                f"not {short_text({name: solver})}"
             )
     if error not in get_args(ErrorKind):
-        raise InputError(f"error is one of {', '.join(get_args(ErrorKind))}, not {shown(error)}")
+        raise InputError(
+            f"error is one of {', '.join(get_args(ErrorKind))}, not {short_text(error)}"
+        )
     chosen = [
         cut_at_returns(one if isinstance(one, Problem) else problem_named(one), error)
-        for one in entries(problems)
+        for one in as_list(problems)
     ]
-    methods = [one if isinstance(one, Method) else _known(one) for one in entries(against)]
-    files = [_path(file) for file in entries(answers)]
+    methods = [one if isinstance(one, Method) else _known(one) for one in as_list(against)]
+    files = [_path(file) for file in as_list(answers)]
     if files and error != "state":
         raise InputError(f"files of answers have states only: leave them out for the {error}")
     _refuse_equal("problems", [problem.name for problem in chosen])
@@ -153,7 +161,7 @@ def race(
         [*solvers, *(method.name for method in methods), *(file.stem for file in files)],
     )
     elsewhere = [
-        score for file in files for score in scores_of(file, read_text(file, _MAX_FILE_BYTES))
+        score for file in files for score in read_scores(file, read_text(file, _MAX_FILE_BYTES))
     ]
     with ExitStack() as running:
         for name, solver in solvers.items():
@@ -163,7 +171,7 @@ def race(
                 else user_method(name, solver, tolerances)
             )
         total = sum(method.fits(problem) for method in methods for problem in chosen)
-        scores = raced(chosen, methods, running.enter_context(progress_of(total, progress)))
+        scores = run_race(chosen, methods, running.enter_context(show_progress(total, progress)))
     return Race((*scores, *elsewhere))
 
 
@@ -171,7 +179,7 @@ def _refuse_equal(kind: str, names: Sequence[str]) -> None:
     """Raise InputError if a name occurs twice."""
     for name, count in Counter(names).items():
         if count > 1:
-            raise InputError(f"{count} {kind} are called '{shown(name)}': use distinct names")
+            raise InputError(f"{count} {kind} are called '{short_text(name)}': use distinct names")
 
 
 def _known(name: object) -> Method:
@@ -179,18 +187,18 @@ def _known(name: object) -> Method:
         if method.name == name:
             return method
     known = "; ".join(method.name for method in BENCH_METHODS)  # names have commas
-    raise InputError(f"method '{shown(name)}' is not known: use {known}")
+    raise InputError(f"method '{short_text(name)}' is not known: use {known}")
 
 
 def _path(file: Any) -> Path:
     try:
         return Path(file)
     except TypeError:
-        raise InputError(f"answers are files, not {shown(file)}") from None
+        raise InputError(f"answers are files, not {short_text(file)}") from None
 
 
 def _comparison(row: Mapping[str, Any], with_heyoka: bool) -> str:
-    """Return a row of `ratios` as text; ``with_heyoka`` is True if heyoka took part."""
+    """Return a row of `run_time_ratios` as text; ``with_heyoka`` is True if heyoka took part."""
     parts = [row["heyoka"] or "heyoka does not reach it"] if with_heyoka else []
     for name, label in (("scipy", "SciPy"), ("peer", "the best peer"), ("own", "yours")):
         over = row[f"{name}_over_heyoka"]
@@ -216,16 +224,16 @@ def program_method(
         words = shlex.split(command)
     except ValueError as fault:
         raise InputError(
-            f"the command {shown(command)} cannot be split into words: {fault}"
+            f"the command {short_text(command)} cannot be split into words: {fault}"
         ) from None
     if not words:
         raise InputError("a program needs a command")
-    with started(words, _TIME_LIMIT) as program:
-        dialogue = _Dialogue(program)
+    with start_program(words, _TIME_LIMIT) as program:
+        dialogue = _ExternalIntegrator(program)
         yield user_method(name, dialogue.solve, tolerances, lambda: dialogue.seconds)
 
 
-class _Dialogue:
+class _ExternalIntegrator:
     """An external integrator that runs as a program.
 
     `solve` sends it a problem and returns its states. ``seconds`` is the time that it reported for

@@ -51,7 +51,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
 
-__all__ = ["Truth", "cut_at_returns", "has_error", "numbers_of", "truth_of"]
+__all__ = ["Truth", "compute_truth", "cut_at_returns", "has_error", "numbers_of"]
 
 _CROSSING = Event("crossing", SECTION.function, direction=1, terminal=False)  # v < 0
 _LARGEST = Event("largest", BETA_EXTREME.function, direction=-1, terminal=False)
@@ -70,7 +70,7 @@ class Truth:
 
 
 @lru_cache(maxsize=16)
-def truth_of(problem: Problem, sharp: bool = True) -> Truth:
+def compute_truth(problem: Problem, sharp: bool = True) -> Truth:
     """Compute the true states of a problem at its sample times, with half-widths.
 
     Args:

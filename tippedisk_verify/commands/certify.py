@@ -14,13 +14,13 @@ import click
 from tippedisk_verify.commands.common import (
     DiskOptions,
     OutputOptions,
-    alone_in,
     below_crit_option,
     certificate_option,
     command,
     decimal,
     disk_command,
     group,
+    lock_output_folder,
     omega_option,
     unstable_option,
 )
@@ -29,7 +29,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
 from tippedisk_verify.parallel import map_of
-from tippedisk_verify.progress import watched
+from tippedisk_verify.progress import with_progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -175,7 +175,7 @@ def branch(
     def workers(several: bool) -> Any:
         return processes(jobs, needed=several)
 
-    folder = alone_in(out)
+    folder = lock_output_folder(out)
     proof = common.disk.certify.branch(to, workers=workers, progress=not common.quiet)
     if certificate is not None and proof.hopf_closed:
         write_text(certificate, proof.certificate())
@@ -206,7 +206,7 @@ def check(output: OutputOptions, file: str, jobs: int | None) -> int:
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
         with processes(jobs, needed=len(arcs) > 1) as pool:
             answers = map_of(pool)(shown, arcs)
-            yield from watched(answers, "arcs", len(arcs), not output.quiet)
+            yield from with_progress(answers, "arcs", len(arcs), not output.quiet)
 
     try:
         output.show({"accepted": True, "statement": certificates.check(file, mapped)})
@@ -216,7 +216,7 @@ def check(output: OutputOptions, file: str, jobs: int | None) -> int:
             raise AccuracyError(f"not proved: {fault}") from None
         output.show({"accepted": False, "fails": str(fault)})
         return 1
-    except certificates.Refused as fault:
+    except certificates.NotACertificate as fault:
         raise InputError(f"{printable(file)} is not a certificate: {fault}") from None
 
 

@@ -20,20 +20,18 @@ import click
 
 from tippedisk_verify.commands.help import DefinedCommand, load_quantities
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import file_ending_in, output_file, sole_writer
-from tippedisk_verify.model.equations import STATE_NAMES, one_speed
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.files import checked_file_path, output_file, sole_writer
+from tippedisk_verify.model.equations import STATE_NAMES, require_one_speed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.results import result_lines
-from tippedisk_verify.progress import Advance, progress_of
+from tippedisk_verify.progress import Advance, show_progress
 
 __all__ = [
     "MOTION_COLUMNS",
     "DiskOptions",
     "OutputOptions",
-    "alone_in",
     "below_crit_option",
     "certificate_option",
-    "checked",
     "command",
     "decimal",
     "disk_command",
@@ -41,8 +39,10 @@ __all__ = [
     "group",
     "half_widths_option",
     "levels",
+    "lock_output_folder",
     "motion_rows",
     "omega_option",
+    "option_callback",
     "rotating_option",
     "table",
     "unstable_option",
@@ -67,7 +67,7 @@ class OutputOptions:
         Args:
             total: The number of steps; 0 if it is not known.
         """
-        return progress_of(total, not self.quiet)
+        return show_progress(total, not self.quiet)
 
     def show(self, result: Any, lines: Iterable[object] | None = None) -> None:
         """Print a result as JSON, or as lines.
@@ -115,12 +115,12 @@ class DiskOptions(OutputOptions):
         Raises:
             InputError: If none of the options is given, or both.
         """
-        one_speed(**{"--omega": omega, "--below-crit": below_crit})
+        require_one_speed(**{"--omega": omega, "--below-crit": below_crit})
         return self.disk.speed(omega, below_crit=below_crit, digits=self.digits)  # type: ignore[no-any-return]
 
 
 # ------------------------------------------------------------------------------- checks of options
-def checked(check: Callable[[Any], Any]) -> Check:
+def option_callback(check: Callable[[Any], Any]) -> Check:
     """Return a callback for click that replaces an option's text by ``check(text)``; None stays
     None.
 
@@ -151,7 +151,7 @@ def file_for(*endings: str) -> Check:
     """Return a callback for click that checks an option: the name of an output file with one of
     these endings.
     """
-    return checked(lambda text: file_ending_in(text, *endings))
+    return option_callback(lambda text: checked_file_path(text, *endings))
 
 
 def _levels(text: str) -> tuple[int, ...]:
@@ -169,7 +169,7 @@ def _levels(text: str) -> tuple[int, ...]:
     return tuple(sorted(levels))
 
 
-levels = checked(_levels)
+levels = option_callback(_levels)
 
 # ----------------------------------------------------------------------------------------- options
 _OUTPUT = (
@@ -225,7 +225,7 @@ unstable_option = click.option(
 )
 certificate_option = click.option(
     "--certificate",
-    callback=checked(output_file),
+    callback=option_callback(output_file),
     metavar="FILE.json",
     help="Write a certificate, with which `certify check FILE.json` repeats the proof.",
 )
@@ -263,7 +263,7 @@ def _command(
     names = [option.name for option in shared]
 
     @wraps(function)
-    @undisturbed()
+    @ignore_numpy_errors()
     def run(**options: Any) -> int:
         output = make_output(**{str(name): options.pop(str(name)) for name in names})
         return output.finish(function(output, **options))
@@ -332,7 +332,7 @@ def _width() -> int:
     return shutil.get_terminal_size().columns if sys.stdout and sys.stdout.isatty() else sys.maxsize
 
 
-def alone_in(out: str | None) -> Path | None:
+def lock_output_folder(out: str | None) -> Path | None:
     """Lock the output folder for this run until the command ends, and return its path.
 
     Args:

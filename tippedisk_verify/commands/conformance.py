@@ -13,17 +13,17 @@ import click
 
 from tippedisk_verify.commands.common import (
     OutputOptions,
-    alone_in,
-    checked,
     command,
     file_for,
     group,
     levels,
+    lock_output_folder,
+    option_callback,
 )
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import file_ending_in, printable, read_text, write_text
-from tippedisk_verify.interrupts import cleaning_up
+from tippedisk_verify.files import checked_file_path, printable, read_text, write_text
+from tippedisk_verify.interrupts import clean_up_on_ctrl_c
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
@@ -83,7 +83,7 @@ _question_options = _combined_options(
 _from_option = click.option(
     "--from",
     "from_",
-    callback=checked(_known_reading),
+    callback=option_callback(_known_reading),
     metavar="decimals|doubles",
     help="How the answers read their inputs, if the sheet does not say so.",
 )
@@ -141,10 +141,10 @@ def questions(
 ) -> int:
     from tippedisk_verify.conformance.sheet import questions as asked
     from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
-    from tippedisk_verify.reference_values.store import stored
+    from tippedisk_verify.reference_values.store import load_store
 
-    target = None if file is None else file_ending_in(file, ".csv", ".json")
-    store = stored()
+    target = None if file is None else checked_file_path(file, ".csv", ".json")
+    store = load_store()
     if target is not None:
         _refuse_filled_in(target, store)
     store = _blank_ones(states, seed, set_) or store
@@ -176,7 +176,7 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
         raise InputError(
             f"the file exists and is not a sheet without answers: {fault}; give another name"
         ) from None
-    if given := len(answers.given) + len(answers.unknown):
+    if given := len(answers.by_id) + len(answers.unknown):
         raise InputError(
             f"{target} has {given} answers: give the questions another name, or remove it"
         )
@@ -194,7 +194,7 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
 @_from_option
 @_grading_options
 def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -> int:
-    from tippedisk_verify.conformance.grading import graded
+    from tippedisk_verify.conformance.grading import grade_answers
 
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
@@ -203,7 +203,7 @@ def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -
         quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets
     ]
     return wanted.report(
-        output, store, asked, graded(answers, store), answers, printable(Path(file).name)
+        output, store, asked, grade_answers(answers, store), answers, printable(Path(file).name)
     )
 
 
@@ -244,31 +244,31 @@ def run(
 ) -> int:
     from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.conformance.sheet import questions as chosen
-    from tippedisk_verify.dialogue import started
+    from tippedisk_verify.dialogue import start_program
     from tippedisk_verify.reference_values.fresh import with_fresh
-    from tippedisk_verify.reference_values.store import stored
+    from tippedisk_verify.reference_values.store import load_store
 
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
-    store = stored()
+    store = load_store()
     wanted = _RequestedOutput.checked(store, **grading)
     blank = _blank_ones(states, seed, set_)
     asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
     first = chosen(blank or store, sets=set_, levels=(1,))[0]
-    folder = alone_in(out)
+    folder = lock_output_folder(out)
     if blank is not None:
         ids = [quantity.id for quantity in (first, *asked)]
         with output.progress(len({id_.rsplit("/", 1)[0] for id_ in ids})) as advance:
             store = with_fresh(store, "\n".join(ids), advance)
         asked, first = [store[quantity.id] for quantity in asked], store[first.id]
-    with started(command, limit) as talk:
+    with start_program(command, limit) as talk:
         interview = Interview(talk, store, from_)
 
         def keep() -> None:
             if folder is not None and interview.rows:
                 write_text(folder / "answers.jsonl", interview.sheet())
 
-        with cleaning_up(keep), output.progress(len(asked)) as advance:
+        with clean_up_on_ctrl_c(keep), output.progress(len(asked)) as advance:
             try:
                 interview.conduct(asked, first, advance)
             finally:
@@ -282,7 +282,7 @@ def run(
     timing: dict[str, Any] = {
         "start_up": interview.start_up,
         "times": interview.times(),
-        "noticed": interview.remarks(),
+        "program_remarks": interview.remarks(),
     }
     source = printable(" ".join(Path(word).name for word in command))[:60]
     answers, broke_off = interview.answers(), interview.broke_off
@@ -303,10 +303,12 @@ def run(
 @_from_option
 def compare(output: OutputOptions, old: str, new: str, from_: str | None) -> int:
     from tippedisk_verify.conformance.gate import grade_changes
-    from tippedisk_verify.conformance.grading import graded
+    from tippedisk_verify.conformance.grading import grade_answers
 
     with output.progress() as advance:
-        listed = grade_changes(*(graded(*_read(file, from_, advance)) for file in (old, new)))
+        listed = grade_changes(
+            *(grade_answers(*_read(file, from_, advance)) for file in (old, new))
+        )
     kinds = ("broken", "gone", "lost", "gained")
     counts = {kind: sum(change.kind == kind for change in listed) for kind in kinds}
     lines = [
@@ -335,11 +337,11 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
         InputError: If the sheet cannot be read, or none of its ids is a question.
     """
     from tippedisk_verify.conformance.sheet import read_answers, store_for
-    from tippedisk_verify.reference_values.store import stored
+    from tippedisk_verify.reference_values.store import load_store
 
-    store = store_for(Path(file), stored(), advance)
+    store = store_for(Path(file), load_store(), advance)
     answers = read_answers(Path(file), store, reading)
-    if answers.unknown and not answers.given:
+    if answers.unknown and not answers.by_id:
         raise InputError(
             f"{printable(Path(file).name)}: none of its ids is a question (the first is "
             f"{answers.unknown[0][:80]}): "
@@ -403,7 +405,7 @@ class _RequestedOutput:
         self,
         output: OutputOptions,
         store: Store,
-        asked: Sequence[ReferenceValue],
+        asked_questions: Sequence[ReferenceValue],
         grades: Sequence[Grade],
         answers: Answers,
         source: str,
@@ -416,14 +418,14 @@ class _RequestedOutput:
         """
         from rich.console import Console
 
-        from tippedisk_verify.conformance.diagnosis import diagnosed
+        from tippedisk_verify.conformance.diagnosis import diagnose
         from tippedisk_verify.conformance.gate import badge, shortcomings
-        from tippedisk_verify.conformance.grading import levels_of
+        from tippedisk_verify.conformance.grading import tally_levels
         from tippedisk_verify.conformance.pages import Report, html_page, print_report
 
-        levels = levels_of(grades, asked)
+        levels = tally_levels(grades, asked_questions)
         with output.progress() as advance:
-            diagnoses = diagnosed(grades, store, advance)
+            diagnoses = diagnose(grades, store, advance)
         short, expectable = [], self.expectable or frozenset()
         if self.required is not None or self.expectable is not None:
             short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(

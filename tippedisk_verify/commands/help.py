@@ -68,14 +68,14 @@ EXAMPLES: dict[str, tuple[str, str]] = {
     "stress": ("--list", "--quick"),
 }
 _CYCLES = ("cycles.limit_cycle", "Cycle", "LimitCycle", "RotatingCycle")
-#: The classes that a command prints: a module and names in it, or "" and names of coordinates.
+# The classes that a command prints: a module and names in it, or "" and names of coordinates.
 _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "integrate": (("", "beta", "gamma", "v"),),
     "equilibria": (("", "beta", "gamma", "v"), ("theory.equilibria", "Equilibrium")),
     "hopf": (("theory.hopf", "HopfPoint"),),
     "slow-manifold": (("", "beta", "gamma"), ("theory.slow_manifold", "SlowManifold")),
     "orbit": (_CYCLES, ("cycles.folds", "Fold")),
-    "harmonic-balance": (("cycles.spectral", "BalancedCycle"),),
+    "harmonic-balance": (("cycles.spectral", "SpectralCycle"),),
     "branch": (_CYCLES,),
     "basin": (("", "margin"),),
     "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),
@@ -120,7 +120,7 @@ class Cli(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command with complete help, or None if the name is not known."""
         command = super().get_command(ctx, cmd_name)
-        return None if command is None else _completed(command, cmd_name)
+        return None if command is None else _complete_help(command, cmd_name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands into the help text, by section."""
@@ -129,7 +129,7 @@ class Cli(click.Group):
                 formatter.write_dl([(str(command.name), _sentence(command)) for command in members])
 
 
-def _completed(command: click.Command, path: str) -> click.Command:
+def _complete_help(command: click.Command, path: str) -> click.Command:
     """Complete the help of a command: set its path, and for a group its examples and its commands'
     paths and summaries.
 
@@ -140,7 +140,7 @@ def _completed(command: click.Command, path: str) -> click.Command:
     if isinstance(command, click.Group):
         command.epilog = _paragraphs(_examples(path))
         for name, inner in command.commands.items():
-            _completed(inner, f"{path} {name}").short_help = _sentence(inner)
+            _complete_help(inner, f"{path} {name}").short_help = _sentence(inner)
     return command
 
 

@@ -92,9 +92,9 @@ def _near_heteroclinic(
     study = common.disk.near_heteroclinic(_distances(near), answers=pairs)
     result = study.to_dict()
     if out is not None and out.suffix.lower() == ".png":
-        from tippedisk_verify.figures.style import encoded
+        from tippedisk_verify.figures.style import encode_figure
 
-        write_bytes(out, encoded(study.plot(), "png"))
+        write_bytes(out, encode_figure(study.plot(), "png"))
     elif out is not None:
         from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import checked
+from tippedisk_verify.commands.common import option_callback
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import cleaning_up
+from tippedisk_verify.interrupts import clean_up_on_ctrl_c
 from tippedisk_verify.parallel import usable_cores
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["checked_jobs", "jobs_option", "known_executor", "processes", "workers_of"]
+__all__ = ["checked_executor", "checked_jobs", "jobs_option", "processes", "workers_of"]
 
 _MIN_OFFERED = 16  # processes that --jobs allows on any machine
 
@@ -35,7 +35,7 @@ def checked_jobs(jobs: int | None) -> int | None:
     return jobs
 
 
-def known_executor(executor: str) -> str:
+def checked_executor(executor: str) -> str:
     """Check the name of an executor, and return it.
 
     Raises:
@@ -52,7 +52,7 @@ jobs_option = click.option(
     "--jobs",
     type=int,
     metavar="N",
-    callback=checked(checked_jobs),
+    callback=option_callback(checked_jobs),
     help="Number of processes; the number of cores if not given.",
 )
 
@@ -74,9 +74,9 @@ def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | N
     if workers == 1 or not needed:
         yield None
         return
-    from tippedisk_verify.commands.workers import Pool, kill_workers
+    from tippedisk_verify.commands.workers import ProcessPool, kill_workers
 
-    with cleaning_up(kill_workers), Pool(workers) as pool:
+    with clean_up_on_ctrl_c(kill_workers), ProcessPool(workers) as pool:
         yield pool
 
 
@@ -94,11 +94,11 @@ def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
         InputError: If no scheduler answers.
         AccuracyError: If the cluster fails, or a worker has other code.
     """
-    from tippedisk_verify.commands.workers import Checked, cluster
+    from tippedisk_verify.commands.workers import CodeCheckingExecutor, cluster
 
     if executor.startswith("dask://"):
         with cluster(executor) as workers:
             yield workers
     else:
         with processes(jobs, needed=executor == "local") as pool:
-            yield pool and Checked(pool)
+            yield pool and CodeCheckingExecutor(pool)

@@ -13,12 +13,12 @@ import click
 from tippedisk_verify.commands.common import (
     MOTION_COLUMNS,
     DiskOptions,
-    alone_in,
     below_crit_option,
     decimal,
     disk_command,
     file_for,
     half_widths_option,
+    lock_output_folder,
     motion_rows,
     omega_option,
     rotating_option,
@@ -29,7 +29,7 @@ from tippedisk_verify.commands.common import (
 from tippedisk_verify.commands.jobs import jobs_option, processes
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
-from tippedisk_verify.model.equations import one_speed
+from tippedisk_verify.model.equations import require_one_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
@@ -153,10 +153,10 @@ def _write_motion(solution: Solution, rows: list[dict[str, Any]], target: Path) 
     with their names.
     """
     if target.suffix.lower() == ".png":
-        from tippedisk_verify.figures.motion import draw_motion
-        from tippedisk_verify.figures.style import encoded
+        from tippedisk_verify.figures.motion_figure import draw_motion
+        from tippedisk_verify.figures.style import encode_figure
 
-        write_bytes(target, encoded(draw_motion(solution), "png"))
+        write_bytes(target, encode_figure(draw_motion(solution), "png"))
         return
     write_table(target, with_width_columns(rows))
 
@@ -256,7 +256,7 @@ def orbit(
         raise InputError("--below-het belongs to --rotating")
     distance = {"below_het": below_het} if rotating else {"above_het": above_het}
     speeds = {"omega": omega, "below_crit": below_crit, **distance}
-    one_speed(
+    require_one_speed(
         **{f"--{name.replace('_', '-')}": speed for name, speed in speeds.items()},
         **{"--at-fold": at_fold},
     )
@@ -430,12 +430,12 @@ def basin(
             raise InputError(f"a start is three numbers, beta,gamma,v, not '{margin[:60]}'")
         distance = disk.basin_boundary(speed).margin([DOUBLE.number(part) for part in start])
         return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
-    folder = alone_in(out)
+    folder = lock_output_folder(out)
     with processes(jobs, needed=count >= 10_000) as pool:
         how = {"count": count, "duration": seconds, "v": velocity, "executor": pool}
         plane = disk.basins(speed, progress=not common.quiet, **how)
     if folder is not None:
-        from tippedisk_verify.figures.basins import draw_basins
+        from tippedisk_verify.figures.basin_figure import draw_basins
         from tippedisk_verify.figures.style import save
 
         boundary = None

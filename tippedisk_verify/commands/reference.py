@@ -111,22 +111,22 @@ def export(output: OutputOptions, prefix: str, format_: str, out: str) -> int:
     return 0
 
 
-def _lines(quantity: ReferenceValue) -> Iterator[str]:
-    yield f"{quantity.id} [{quantity.unit}]"
-    yield f"  is            {quantity.definition}"
-    for reading, (value, uncertainty) in quantity.values.items():
+def _lines(reference_value: ReferenceValue) -> Iterator[str]:
+    yield f"{reference_value.id} [{reference_value.unit}]"
+    yield f"  is            {reference_value.definition}"
+    for reading, (value, uncertainty) in reference_value.values.items():
         yield f"  from {reading:8s} {value} ± {uncertainty}"
-    inputs = ", ".join(f"{heading(name)} {text}" for name, text in quantity.inputs.items())
+    inputs = ", ".join(f"{heading(name)} {text}" for name, text in reference_value.inputs.items())
     yield f"  inputs        {inputs or 'the parameters only'}"
     distances = ", ".join(
-        f"{name} within {away}" for name, away in quantity.methods.items() if away != "0"
+        f"{name} within {away}" for name, away in reference_value.methods.items() if away != "0"
     )
-    grade = f"{quantity.grade}: {', '.join(quantity.methods)}"
+    grade = f"{reference_value.grade}: {', '.join(reference_value.methods)}"
     yield f"  grade         {grade}" + (f" ({distances})" if distances else "")
-    if quantity.proof is not None:
-        yield f"  proved in     {quantity.proof['value']} ± {quantity.proof['uncertainty']}"
-        yield f"  by            {quantity.proof['command']}"
-    slopes = ", ".join(f"{name} {slope}" for name, slope in quantity.condition.items())
+    if reference_value.proof is not None:
+        yield f"  proved in     {reference_value.proof['value']} ± {reference_value.proof['uncertainty']}"
+        yield f"  by            {reference_value.proof['command']}"
+    slopes = ", ".join(f"{name} {slope}" for name, slope in reference_value.condition.items())
     yield f"  condition     {slopes or 'depends on nothing'}"
 
 

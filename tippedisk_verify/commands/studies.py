@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,18 +12,18 @@ import click
 from tippedisk_verify.commands.common import (
     DiskOptions,
     OutputOptions,
-    alone_in,
-    checked,
     command,
     disk_command,
     file_for,
+    lock_output_folder,
+    option_callback,
     table,
 )
-from tippedisk_verify.commands.jobs import jobs_option, known_executor, processes, workers_of
+from tippedisk_verify.commands.jobs import checked_executor, jobs_option, processes, workers_of
 from tippedisk_verify.files import write_csv, write_text
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.parallel import as_done
-from tippedisk_verify.progress import watched
+from tippedisk_verify.progress import with_progress
 
 __all__ = ["COMMANDS"]
 
@@ -54,7 +54,7 @@ __all__ = ["COMMANDS"]
 )
 @click.option(
     "--executor",
-    callback=checked(known_executor),
+    callback=option_callback(checked_executor),
     default="local",
     show_default=True,
     metavar="serial|local|dask://HOST:PORT",
@@ -70,11 +70,11 @@ def sweep(
     jobs: int | None,
 ) -> int:
     from tippedisk_verify.sweep.plan import Plan, axis
-    from tippedisk_verify.sweep.running import swept
+    from tippedisk_verify.sweep.running import run_sweep
 
     plan = Plan(analysis, common.disk, tuple(axis(text) for text in over), common.digits)
     with common.progress(len(plan)) as advance:
-        points, without = swept(plan, out, lambda: workers_of(executor, jobs), advance)
+        points, without = run_sweep(plan, out, lambda: workers_of(executor, jobs), advance)
     line = f"{points} points, {without} of them without results (see their status): {out}"
     common.show({"points": points, "without_numbers": without, "file": str(out)}, [line])
     return 0
@@ -108,14 +108,14 @@ def bench(
     answers: tuple[str, ...],
     out: str | None,
 ) -> int:
-    from tippedisk_verify.bench.measurement import machine, ratios
+    from tippedisk_verify.bench.measurement import machine_facts, run_time_ratios
     from tippedisk_verify.bench.methods import BENCH_METHODS
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS
     from tippedisk_verify.bench.race import race
     from tippedisk_verify.bench.truth import has_error
 
-    folder = alone_in(out)
+    folder = lock_output_folder(out)
     found = race(
         {} if program is None else {program: program},
         problems=tuple(dict.fromkeys(only)) or [one for one in PROBLEMS if has_error(one, error)],
@@ -125,9 +125,13 @@ def bench(
         progress=not output.quiet,
     )
     runs = [score.to_dict() for score in found.scores]
-    result: dict[str, Any] = {"machine": machine(), "runs": runs, "ratios": ratios(found.scores)}
+    result: dict[str, Any] = {
+        "machine": machine_facts(),
+        "runs": runs,
+        "ratios": run_time_ratios(found.scores),
+    }
     if folder is not None:
-        from tippedisk_verify.figures.race import race_csv
+        from tippedisk_verify.figures.race_figure import race_csv
         from tippedisk_verify.figures.style import save
 
         write_text(folder / "bench.json", json.dumps(result, indent=1) + "\n")
@@ -137,7 +141,7 @@ def bench(
     mine = [score for score in found.scores if score.method == program]
     if mine and all(score.error is None for score in mine):
         click.echo(
-            f"no run of {shown(program)} reached the end; the first {mine[0].status}", err=True
+            f"no run of {short_text(program)} reached the end; the first {mine[0].status}", err=True
         )
         return 1
     return 0
@@ -155,12 +159,13 @@ def bench(
 def stress(
     output: OutputOptions, only: tuple[str, ...], quick: bool, list_: bool, jobs: int | None
 ) -> int:
-    from tippedisk_verify.stress.battery import cases_named, outcome_of
+    from tippedisk_verify.stress.battery import cases_named, run_stress_case
 
     cases = cases_named(only, quick)
     if list_:
         listing = [
-            {"name": case.name, "says": case.says, "expected": case.expected()} for case in cases
+            {"name": case.name, "says": case.description, "expected": case.expected()}
+            for case in cases
         ]
         lines = table(
             ("case", "what it is", "expected"), (list(entry.values()) for entry in listing)
@@ -171,7 +176,9 @@ def stress(
     order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
     with processes(jobs, needed=len(cases) > 1) as pool:
         by_name = dict(
-            watched(as_done(outcome_of, order, pool), "cases", len(cases), not output.quiet)
+            with_progress(
+                as_done(run_stress_case, order, pool), "cases", len(cases), not output.quiet
+            )
         )
     outcomes = [by_name[case.name] for case in cases]
     failed = [outcome.name for outcome in outcomes if not outcome.passed]
@@ -189,7 +196,7 @@ def stress(
     last = f"{passed} of {len(outcomes)} cases have the required outcome"
     output.show(
         {
-            "cases": [asdict(outcome) for outcome in outcomes],
+            "cases": [outcome.to_dict() for outcome in outcomes],
             "summary": {"cases": len(outcomes), "passed": passed, "failed": failed},
         },
         [*table(("", "case", "outcome", "digits", ""), rows), last],

@@ -12,10 +12,10 @@ import click
 from tippedisk_verify.cache import Cache, default_folder
 from tippedisk_verify.commands.common import (
     DiskOptions,
-    alone_in,
-    checked,
     decimal,
     disk_command,
+    lock_output_folder,
+    option_callback,
     table,
 )
 from tippedisk_verify.commands.jobs import checked_jobs, processes
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from tippedisk_verify.audit.claims import Claim, Finding
     from tippedisk_verify.motion.scenes import ComputedScene
-    from tippedisk_verify.report.work import AuditJob
+    from tippedisk_verify.report.tasks import AuditJob
 
 __all__ = ["COMMANDS"]
 
@@ -55,7 +55,7 @@ _MAX_PROCESSES = 8  # the main job has not enough tasks for more
     "--jobs",
     type=int,
     metavar="N",
-    callback=checked(checked_jobs),
+    callback=option_callback(checked_jobs),
     help="Number of processes; the number of cores, at most 8, if not given.",
 )
 def verify(
@@ -74,17 +74,17 @@ def verify(
         if out is not None or only or fresh:
             raise InputError("--list goes with no other option")
         return _listed(common)
-    from tippedisk_verify.audit.catalogue import equations_named, selected
+    from tippedisk_verify.audit.claim_catalogue import equations_named, select_claims
     from tippedisk_verify.audit.claims import Finding
-    from tippedisk_verify.report.results import results_json, run_facts, summary
-    from tippedisk_verify.report.work import AuditJob, run, tasks_for
+    from tippedisk_verify.report.results_json import results_json, run_facts, summary
+    from tippedisk_verify.report.tasks import AuditJob, run, tasks_for
 
     began = time.monotonic()
     names = [name for group in (*only, *more) for name in group.split(",") if name]
     if only and not names:
         raise InputError("--only names no claim")
-    claims = selected(names)
-    folder = alone_in(out)
+    claims = select_claims(names)
+    folder = lock_output_folder(out)
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
     with common.progress(len(tasks) + (folder is not None)) as advance:
@@ -100,7 +100,7 @@ def verify(
         figures = [outcomes[task] for task in tasks if task.kind == "figure"]
         results = results_json(order, findings, figures, run_facts(began, len(tasks), len(kept)))
         if folder is not None:
-            from tippedisk_verify.report.files import write_report
+            from tippedisk_verify.report.report_folder import write_report
 
             advance("report", 0)
             (formulas,) = [record for task, record in outcomes.items() if task.kind == "formulas"]
@@ -131,7 +131,7 @@ def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
 
 
 def _listed(common: DiskOptions) -> int:
-    from tippedisk_verify.audit.catalogue import CLAIMS
+    from tippedisk_verify.audit.claim_catalogue import CLAIMS
 
     width = max(len(claim.name) for claim in CLAIMS)
     listing = [
@@ -157,7 +157,13 @@ def _verdict_lines(
 
     If equations are named, or ``long`` is true, the details of each claim replace the table.
     """
-    from tippedisk_verify.report.results import claim_json, shown, summary, totals, verdict_words
+    from tippedisk_verify.report.results_json import (
+        claim_json,
+        summary,
+        totals,
+        value_text,
+        verdict_words,
+    )
 
     entries = [(claim, finding, claim_json(claim, finding, order)) for claim, finding in findings]
     for number in equations:
@@ -178,7 +184,7 @@ def _verdict_lines(
         yield f"{claim.name}: {verdict_words(entry)}"
         yield f"    {claim.statement} ({claim.cited})"
         unit = f" {claim.unit}" if claim.unit else ""
-        values = {name: str(shown(value)) for name, value in finding.computed.items()}
+        values = {name: str(value_text(value)) for name, value in finding.computed.items()}
         if len(values) > 1 and len(set(values.values())) == 1:
             values = {"every set": next(iter(values.values()))}
         if claim.printed:
@@ -231,7 +237,7 @@ def scene(common: DiskOptions, names: Sequence[str], out: str | None, omega_h: s
     )
     panels = {}
     with common.progress(len(chosen)) as advance:
-        folder = alone_in(out)
+        folder = lock_output_folder(out)
         for name in chosen:
             advance(f"scene {name}", 0)
             panels[name] = disk.scene(name, omega_h=omega_h)

@@ -26,16 +26,16 @@ from multiprocessing import active_children, get_context, parent_process
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.interrupts import children_without_ctrl_c, uninterrupted
+from tippedisk_verify.interrupts import children_without_ctrl_c, postpone_ctrl_c
 from tippedisk_verify.provenance import code_version
 
-__all__ = ["Checked", "Pool", "cluster", "kill_workers"]
+__all__ = ["CodeCheckingExecutor", "ProcessPool", "cluster", "kill_workers"]
 
 _QUIET = "ignore::UserWarning:multiprocessing.resource_tracker"  # an entry of PYTHONWARNINGS
 _SCHEDULER_TIMEOUT = 15.0  # s to wait for a scheduler's answer, and for a first worker
 
 
-class Pool(ProcessPoolExecutor):
+class ProcessPool(ProcessPoolExecutor):
     """A pool of new processes.
 
     They are not forked, because compiled code and threads of the parent must not be copied. They
@@ -48,13 +48,13 @@ class Pool(ProcessPoolExecutor):
             os.environ["PYTHONWARNINGS"] = f"{filters},{_QUIET}" if filters else _QUIET
         # Semaphores are made first and then registered with a process that outlives this one. An
         # interrupt in between would leave them behind.
-        with uninterrupted(), children_without_ctrl_c():
+        with postpone_ctrl_c(), children_without_ctrl_c():
             super().__init__(count, mp_context=get_context("spawn"), initializer=_end_with_parent)
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         """Submit a call, without letting Ctrl-C interrupt the start of a process."""
         with (
-            uninterrupted(),
+            postpone_ctrl_c(),
             children_without_ctrl_c(),
         ):  # a process whose start is cut short prints a traceback
             return super().submit(fn, *args, **kwargs)
@@ -80,7 +80,7 @@ def _end_with_parent() -> None:
     threading.Thread(target=watch, daemon=True).start()
 
 
-class Checked(Executor):
+class CodeCheckingExecutor(Executor):
     """An executor that checks the code of its workers: a call raises AccuracyError in a process
     that has different code.
     """
@@ -146,7 +146,7 @@ def cluster(address: str) -> Iterator[Executor]:
                 raise AccuracyError(
                     f"{host} has no worker: start some with 'dask worker tcp://{host}'"
                 ) from None
-            yield Checked(client.get_executor(pure=False))
+            yield CodeCheckingExecutor(client.get_executor(pure=False))
     except (CancelledError, KilledWorker, ImportError, AttributeError) as fault:
         reason = (
             "its scheduler is gone, or was started anew"

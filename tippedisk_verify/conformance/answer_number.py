@@ -40,7 +40,7 @@ _NUMBER_FORMS = (
     ),
 )
 _INFINITE = _pattern(r"(?P<sign>[+-]?)(?:inf(?:inity)?(?:f|16|32|64)?|1\.#(?:inf0*|j)|\.inf)")
-#: The texts for a missing number: NaN in C's, Microsoft's and Julia's spelling, and other names.
+# The texts for a missing number: NaN in C's, Microsoft's and Julia's spelling, and other names.
 _MISSING = _pattern(
     r"[+-]?[qs]?nan(\([^)]*\)|f|16|32|64)?|[+-]?1\.#(([qs]nan|ind)0*|r|io)|\.nan"
     r"|n/?a|<na>|null|nil|none|nothing|missing|undefined"
@@ -61,7 +61,7 @@ _INTERVAL = "an interval or a list of two; write one number"
 _LITERAL = "a literal of a programming language; write the digits alone"
 _THOUSANDS = "a number with its thousands separated; write the digits alone"
 _UNCERTAIN = f"a number with its uncertainty; {_ALONE}"
-#: Patterns of texts, each with a description and advice. The first row that fits counts.
+# Patterns of texts, each with a description and advice. The first row that fits counts.
 _REASONS = [
     (
         rf"{_MANTISSA}[edq][+-]?\d{{10,}}",
@@ -138,7 +138,7 @@ _REASONS = [
     (rf"[<>~=]+\s*{_ANY_TEXT}\d{_ANY_TEXT}", f"a bound, an estimate or a formula; {_ALONE}"),
     (rf"[\[{{(]{_ANY_TEXT}[\])}}]", f"a list, an array or a number in brackets; {_ALONE}"),
 ]
-#: Rows for the remaining texts, after characters beyond ASCII have been named.
+# Rows for the remaining texts, after characters beyond ASCII have been named.
 _FALLBACK_REASONS = [
     (r"[^\d]*", "no digit in it; write a number, or leave it empty"),
     (rf"{_NUMBER}\s*[^\d\s]{_ANY_TEXT}", f"a number with more behind it; {_ALONE}"),

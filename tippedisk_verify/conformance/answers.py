@@ -5,20 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
-from tippedisk_verify.conformance.diagnosis import diagnosed
-from tippedisk_verify.conformance.grading import answer_text, graded, levels_of
+from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grading import answer_text, grade_answers, tally_levels
 from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.numpy_errors import undisturbed
-from tippedisk_verify.progress import progress_of
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.progress import show_progress
 from tippedisk_verify.reference_values.lookup import full_id, reference
-from tippedisk_verify.reference_values.store import Reading, stored
+from tippedisk_verify.reference_values.store import Reading, load_store
 
 __all__ = ["grade"]
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def grade(
     answers: Mapping[str, object], *, reading: Reading = "doubles", progress: bool | None = None
 ) -> Report:
@@ -46,11 +46,11 @@ def grade(
         raise InputError(
             f"answers are computed from decimals or doubles, not from '{reading!s:.40}'"
         )
-    store = stored()
+    store = load_store()
     if any(str(id_).startswith("fresh-") for id_ in answers):
         from tippedisk_verify.reference_values.fresh import with_fresh
 
-        with progress_of(progress=progress) as advance:
+        with show_progress(progress=progress) as advance:
             store = with_fresh(store, "\n".join(map(str, answers)), advance)
     collected, notes = Answers(), {}
     for asked_id, answer in answers.items():
@@ -61,17 +61,17 @@ def grade(
             text = answer_text(answer)
         except InputError as fault:
             notes[id_], text = str(fault), f"({type(answer).__name__})"
-        collected.given[id_] = reading, text
+        collected.by_id[id_] = reading, text
     grades = [
         replace(grade_, note=notes[grade_.id]) if grade_.id in notes else grade_
-        for grade_ in graded(collected, store)
+        for grade_ in grade_answers(collected, store)
     ]
     asked = [quantity for quantity in store.values() if quantity.set in collected.sets]
-    with progress_of(progress=progress) as advance:
+    with show_progress(progress=progress) as advance:
         return Report(
             "answers",
             collected,
             grades,
-            levels_of(grades, asked),
-            diagnosed(grades, store, advance),
+            tally_levels(grades, asked),
+            diagnose(grades, store, advance),
         )

@@ -40,11 +40,11 @@ __all__ = [
     "Grade",
     "Tally",
     "answer_text",
-    "by_quantity",
     "compare",
     "digits_between",
-    "graded",
-    "levels_of",
+    "grade_answers",
+    "tally_levels",
+    "tally_quantities",
 ]
 
 LEVEL_NAMES = {
@@ -82,8 +82,8 @@ class Grade(Printable):
     verdict: str  #: exact, agrees, rounding, few-digits, wrong, not-a-number, unreadable, no-truth
     truth: str = ""
     note: str = ""
-    needs: float = math.nan  #: digits that the question requires
-    off: float = math.nan  #: the error as a relative change of all inputs together
+    required_digits: float = math.nan  #: digits that the question requires
+    input_change: float = math.nan  #: the error as a relative change of all inputs together
 
     @property
     def failed(self) -> bool:
@@ -109,7 +109,11 @@ class Grade(Printable):
             "verdict": self.verdict,
             "answer": self.answer[:120],
             "truth": self.truth,
-            **({} if math.isnan(self.needs) else {"needs": round(self.needs, 1)}),
+            **(
+                {}
+                if math.isnan(self.required_digits)
+                else {"needs": round(self.required_digits, 1)}
+            ),
         }
         return entry | ({"note": self.note} if self.note else {})
 
@@ -124,11 +128,11 @@ class Tally(Printable):
     asked: int
     answered: int
     failed: int
-    few: int  #: failed answers that only have too few digits
-    rounded: int  #: answers with an error that rounding the inputs explains
-    unread: int  #: failed answers that are not numbers
-    least: float  #: the least digits of the numbers; NaN if no answer is a number
-    middle: float  #: the median of the digits
+    too_few: int  #: failed answers that only have too few digits
+    within_rounding: int  #: answers with an error that rounding the inputs explains
+    not_numbers: int  #: failed answers that are not numbers
+    least_digits: float  #: the least digits of the numbers; NaN if no answer is a number
+    median_digits: float  #: the median of the digits
     quantity: str = ""  #: the quantity without its place: beta stands for beta@0.5 as well
     friction: str = ""
 
@@ -151,11 +155,11 @@ class Tally(Printable):
             asked=asked,
             answered=len(grades),
             failed=sum(grade.failed for grade in grades),
-            few=sum(grade.verdict == "few-digits" for grade in grades),
-            rounded=sum(grade.verdict == "rounding" for grade in grades),
-            unread=sum(grade.digits == -math.inf for grade in grades),
-            least=min(digits, default=math.nan),
-            middle=median(digits or [math.nan]),
+            too_few=sum(grade.verdict == "few-digits" for grade in grades),
+            within_rounding=sum(grade.verdict == "rounding" for grade in grades),
+            not_numbers=sum(grade.digits == -math.inf for grade in grades),
+            least_digits=min(digits, default=math.nan),
+            median_digits=median(digits or [math.nan]),
             quantity=quantity,
             friction=friction,
         )
@@ -173,14 +177,15 @@ class Tally(Printable):
         if not self.answered:
             return "not answered"
         if self.failed:
-            return "too few digits" if self.few == self.failed else "fails"
+            return "too few digits" if self.too_few == self.failed else "fails"
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
         least, middle = (
-            None if math.isnan(digits) else round(digits, 1) for digits in (self.least, self.middle)
+            None if math.isnan(digits) else round(digits, 1)
+            for digits in (self.least_digits, self.median_digits)
         )
-        counts = {"failed": self.failed, "too_few_digits": self.few}
+        counts = {"failed": self.failed, "too_few_digits": self.too_few}
         if self.quantity:
             about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
             return about | {"answered": self.answered} | counts | {"least_digits": least}
@@ -194,7 +199,7 @@ class Tally(Printable):
             about
             | {"least_digits": least, "median_digits": middle}
             | counts
-            | {"rounding": self.rounded}
+            | {"rounding": self.within_rounding}
         )
 
 
@@ -221,7 +226,7 @@ def digits_between(
     return min(max(0.0 - near, -99.0), most)
 
 
-def graded(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]:
+def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]:
     """Return a grade for each answer, in the order of the questions.
 
     Args:
@@ -230,16 +235,23 @@ def graded(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]
     """
     ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_beside(id_)))
     with arithmetic():
-        return [_grade(store[id_], *answers.given[id_]) for id_ in ids if id_ in answers.given]
+        return [_grade(store[id_], *answers.by_id[id_]) for id_ in ids if id_ in answers.by_id]
 
 
-def _grade(quantity: ReferenceValue, reading: str, text: str) -> Grade:
+def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
     def failed(verdict: str, note: str) -> Grade:
         return Grade(
-            quantity.id, quantity.level, reading, shown, -math.inf, verdict, note=note, needs=needs
+            reference_value.id,
+            reference_value.level,
+            reading,
+            shown,
+            -math.inf,
+            verdict,
+            note=note,
+            required_digits=needs,
         )
 
-    needs, shown = digits_needed(quantity), printable(text)
+    needs, shown = digits_needed(reference_value), printable(text)
     try:
         answer = as_decimal(text)
     except InputError as fault:
@@ -251,22 +263,24 @@ def _grade(quantity: ReferenceValue, reading: str, text: str) -> Grade:
         )
     if answer and abs(answer.adjusted()) > _MAX_EXPONENT:
         return failed("not-a-number", f"its exponent is beyond {_MAX_EXPONENT}")
-    value = quantity.values.get(reading)  # type: ignore[call-overload]
+    value = reference_value.values.get(reading)  # type: ignore[call-overload]
     if value is None:
         note = (
             "doubles cannot tell the inputs apart: compute from the decimals, by whose truth these "
             "digits are counted"
         )
-        from_decimals = _grade(quantity, "decimals", text)
-        return replace(from_decimals, reading=reading, verdict="no-truth", note=note, off=math.nan)
+        from_decimals = _grade(reference_value, "decimals", text)
+        return replace(
+            from_decimals, reading=reading, verdict="no-truth", note=note, input_change=math.nan
+        )
     truth, uncertainty = Decimal(value[0]), Decimal(value[1])
-    scale = scale_of(quantity, truth)
+    scale = scale_of(reference_value, truth)
     most = digits_between(truth + uncertainty, truth, scale, 120.0)
     digits = digits_between(answer, truth, scale, most)
     away = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
-    slopes = slopes_of(quantity)
+    slopes = slopes_of(reference_value)
     close = digits >= min(most, needs)
     if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
         verdict = "exact"
@@ -276,13 +290,22 @@ def _grade(quantity: ReferenceValue, reading: str, text: str) -> Grade:
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
     elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"
-    if reading == "decimals" and verdict != "exact" and "doubles" in quantity.values:
-        other, width = (Decimal(part) for part in quantity.values["doubles"])
+    if reading == "decimals" and verdict != "exact" and "doubles" in reference_value.values:
+        other, width = (Decimal(part) for part in reference_value.values["doubles"])
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
     off = float(away / slopes) if slopes else math.nan
     return Grade(
-        quantity.id, quantity.level, reading, shown, digits, verdict, value[0], note, needs, off
+        reference_value.id,
+        reference_value.level,
+        reading,
+        shown,
+        digits,
+        verdict,
+        value[0],
+        note,
+        needs,
+        off,
     )
 
 
@@ -294,15 +317,15 @@ def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
     return 16 <= len(answer.as_tuple().digits) <= 17 and float(answer) == float(truth)
 
 
-def levels_of(grades: Iterable[Grade], asked: Iterable[ReferenceValue]) -> list[Tally]:
+def tally_levels(grades: Iterable[Grade], asked_questions: Iterable[ReferenceValue]) -> list[Tally]:
     """Count the grades by level: return the tallies of all levels that have questions, without
     optional ones.
 
     Args:
         grades: The grades of a sheet.
-        asked: The questions.
+        asked_questions: The questions.
     """
-    counts = Counter(quantity.level for quantity in asked if not is_optional(quantity.id))
+    counts = Counter(quantity.level for quantity in asked_questions if not is_optional(quantity.id))
     by_level: dict[int, list[Grade]] = {level: [] for level in counts}
     for grade in grades:
         if grade.verdict != "no-truth" and not is_optional(grade.id):
@@ -312,7 +335,7 @@ def levels_of(grades: Iterable[Grade], asked: Iterable[ReferenceValue]) -> list[
     ]
 
 
-def by_quantity(grades: Iterable[Grade]) -> list[Tally]:
+def tally_quantities(grades: Iterable[Grade]) -> list[Tally]:
     """Count the grades by level, quantity and friction law: return the tallies in the order of the
     questions.
 

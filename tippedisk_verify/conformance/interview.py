@@ -10,8 +10,14 @@ from itertools import groupby
 from statistics import median
 from typing import Any
 
-from tippedisk_verify.conformance.grading import Grade, graded
-from tippedisk_verify.conformance.sheet import Answers, Row, answer_line, collected, question_row
+from tippedisk_verify.conformance.grading import Grade, grade_answers
+from tippedisk_verify.conformance.sheet import (
+    Answers,
+    Row,
+    answer_line,
+    collect_answers,
+    question_row,
+)
 from tippedisk_verify.dialogue import Program
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
@@ -75,7 +81,7 @@ class Interview:
 
     def conduct(
         self,
-        asked: Sequence[ReferenceValue],
+        asked_questions: Sequence[ReferenceValue],
         first: ReferenceValue,
         advance: Callable[[str, int], None],
     ) -> None:
@@ -83,7 +89,7 @@ class Interview:
         this object.
 
         Args:
-            asked: The questions.
+            asked_questions: The questions.
             first: The question that is asked before them, alone, to time the start-up. Its answer
                 counts only if it is one of them.
             advance: A function that is called with the progress in words and the number of new
@@ -92,13 +98,15 @@ class Interview:
         Raises:
             InputError: If the program breaks off before it has answered anything.
         """
-        self._counted = {quantity.id for quantity in asked}
+        self._counted = {quantity.id for quantity in asked_questions}
         opening, _ = self.exchange([question_row(self._store, first)])
         if not opening:
             raise InputError(self.program.explained(self.broke_off))
         self.start_up = time.perf_counter() - self.program.begun
         failed = 0
-        for _, group in groupby(asked, key=lambda quantity: quantity.id.rsplit("/", 1)[0]):
+        for _, group in groupby(
+            asked_questions, key=lambda quantity: quantity.id.rsplit("/", 1)[0]
+        ):
             questions = {quantity.id: quantity for quantity in group}
             mine = [row for row in opening if row[0] in questions]
             got, seconds = self.exchange(
@@ -108,9 +116,9 @@ class Interview:
             )
             if (answered := sum(bool(row[2]) for row in got)) and not self.broke_off:
                 self._times.append((next(iter(questions.values())), answered, seconds))
-            answers = collected([*mine, *got], self._store, self._reading, Answers())
-            grades = graded(
-                answers, {id_: self._store[id_] for id_ in questions if id_ in answers.given}
+            answers = collect_answers([*mine, *got], self._store, self._reading, Answers())
+            grades = grade_answers(
+                answers, {id_: self._store[id_] for id_ in questions if id_ in answers.by_id}
             )
             self.grades += grades
             failed += sum(grade.failed for grade in grades)
@@ -130,7 +138,7 @@ class Interview:
         """Return all answers that the program has given so far to the questions that count, even if
         it broke off.
         """
-        return collected(self.rows, self._store, self._reading, Answers())
+        return collect_answers(self.rows, self._store, self._reading, Answers())
 
     def sheet(self) -> str:
         """Return the program's answers as lines of JSON, as `conformance grade` reads them.

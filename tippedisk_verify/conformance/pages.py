@@ -9,7 +9,7 @@ from itertools import takewhile
 from typing import TYPE_CHECKING, Any
 
 from tippedisk_verify.conformance.diagnosis import Diagnosis
-from tippedisk_verify.conformance.grading import Grade, Tally, by_quantity
+from tippedisk_verify.conformance.grading import Grade, Tally, tally_quantities
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.files import csv_text
 from tippedisk_verify.model.results import Printable, data_frame
@@ -21,14 +21,14 @@ if TYPE_CHECKING:
 
 __all__ = ["Report", "html_page", "print_report"]
 
-#: The colours of the verdicts on answers and levels. A verdict without a colour is not graded.
+# The colours of the verdicts on answers and levels. A verdict without a colour is not graded.
 _SHADES = {
     **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
     **dict.fromkeys(("few-digits", "too few digits"), "few"),
     **dict.fromkeys(("wrong", "not-a-number", "unreadable", "fails"), "wrong"),
 }
 _TERMINAL = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
-#: The meanings of the colours, in the order of the page's legend.
+# The meanings of the colours, in the order of the page's legend.
 _LEGEND = {
     "enough": "enough digits for the question",
     "few": "too few digits",
@@ -49,8 +49,8 @@ class Report(Printable):
     levels: Sequence[Tally]
     diagnoses: Sequence[Diagnosis]
     shortcomings: Sequence[str] = ()  #: the reasons why it does not pass, where levels are required
-    mended: Sequence[str] = ()  #: ids that were expected to fail, and pass
-    noticed: Sequence[str] = ()  #: remarks on what a program did apart from answering
+    unexpected_passes: Sequence[str] = ()  #: ids that were expected to fail, and pass
+    program_remarks: Sequence[str] = ()  #: remarks on what a program did apart from answering
     start_up: float | None = None  #: [s] until a program's first answer
     times: Sequence[Mapping[str, Any]] = ()  #: a program's run times, by level and kind
 
@@ -72,10 +72,10 @@ class Report(Printable):
         """
         lines = [
             self.headline(),
-            *(diagnosis.says() for diagnosis in self.diagnoses),
+            *(diagnosis.summary() for diagnosis in self.diagnoses),
             *self.remarks(),
         ]
-        lines += [grade.shortfall(grade.needs) for grade in self.failed]
+        lines += [grade.shortfall(grade.required_digits) for grade in self.failed]
         return "\n".join(lines if len(lines) <= 10 else [*lines[:9], f"and {len(lines) - 9} more"])
 
     @property
@@ -91,23 +91,23 @@ class Report(Printable):
             reached = [level for level in self.levels if level.answered]
             if not reached:
                 return "no answer could be graded"
-            least = min(level.least for level in reached)
-            answers = counted(
+            least = min(level.least_digits for level in reached)
+            answers = count_text(
                 sum(level.answered for level in reached), "answer agrees", "answers agree"
             )
-            rounded = sum(level.rounded for level in reached)
+            rounded = sum(level.within_rounding for level in reached)
             sentence = f"{answers}, the least with {least:.1f} digits"
-            by_rounding = f"; {counted(rounded, 'is', 'are')} off by rounding of the inputs"
+            by_rounding = f"; {count_text(rounded, 'is', 'are')} off by rounding of the inputs"
             return sentence + by_rounding if rounded else sentence
-        answers = counted(first.answered, "answer", "answers")
+        answers = count_text(first.answered, "answer", "answers")
         how = (
             "is the first with too few digits"
-            if first.few == first.failed
+            if first.too_few == first.failed
             else "is the first that fails"
         )
         few = (
-            f", {first.few} of them with too few digits only"
-            if 0 < first.few < first.failed
+            f", {first.too_few} of them with too few digits only"
+            if 0 < first.too_few < first.failed
             else ""
         )
         return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
@@ -116,14 +116,14 @@ class Report(Printable):
     def quantities(self) -> list[Tally]:
         """The tallies of answers by quantity, for the levels that fail."""
         failing = {level.level for level in self.levels if level.failed}
-        return [row for row in by_quantity(self.grades) if row.level in failing]
+        return [row for row in tally_quantities(self.grades) if row.level in failing]
 
     def remarks(self) -> list[str]:
         """Return remarks on the sheet of answers itself, such as unknown ids, each in one line."""
         answers = self.answers
         rounded = sum("inputs were rounded" in grade.note for grade in self.grades)
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
-        remarks = list(self.noticed)
+        remarks = list(self.program_remarks)
         remarks += _remark(
             answers.undeclared,
             "answer does",
@@ -154,7 +154,7 @@ class Report(Printable):
         remarks += self._unread()
         remarks += self._tolerance()
         remarks += _remark(
-            self.mended,
+            self.unexpected_passes,
             "answer passes",
             "answers pass",
             "though expected to fail, such as {}: update the list",
@@ -177,14 +177,14 @@ class Report(Printable):
             if grade.verdict in ("unreadable", "not-a-number"):
                 by_reason.setdefault(grade.note, []).append(grade)
         remarks = [
-            f"{counted(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
+            f"{count_text(len(grades), 'answer is not a number', 'answers are not numbers')}, such as "
             f"'{grades[0].answer[:60]}' at"
             f" {grades[0].id}: {reason}"
             for reason, grades in list(by_reason.items())[:_MAX_REASONS]
         ]
         more = len(by_reason) - _MAX_REASONS
         return remarks + (
-            [f"{counted(more, 'more reason', 'more reasons')} why answers are not numbers"]
+            [f"{count_text(more, 'more reason', 'more reasons')} why answers are not numbers"]
             if more > 0
             else []
         )
@@ -197,21 +197,22 @@ class Report(Printable):
         """
         remarks = []
         for level in self.levels:
-            if level.level < 6 or level.failed > level.few:
+            if level.level < 6 or level.failed > level.too_few:
                 continue
             level_grades = [grade for grade in self.grades if grade.level == level.level]
             off = [
                 grade
                 for grade in level_grades
-                if grade.off > ALLOWED_INPUT_CHANGE[level.level] and grade.verdict != "exact"
+                if grade.input_change > ALLOWED_INPUT_CHANGE[level.level]
+                and grade.verdict != "exact"
             ]
             if off:
-                most = max(off, key=lambda grade: grade.off)
+                most = max(off, key=lambda grade: grade.input_change)
                 remarks.append(
                     f"level {level.level}: a tolerance shows in "
-                    f"{counted(len(off), 'answer', 'answers')} of"
+                    f"{count_text(len(off), 'answer', 'answers')} of"
                     f" {len(level_grades)}; the largest error, at {most.id}, is as if all inputs were "
-                    f"changed by {most.off:.0e}"
+                    f"changed by {most.input_change:.0e}"
                 )
         return remarks
 
@@ -220,7 +221,9 @@ class Report(Printable):
         file.
         """
         columns = list(Tally.of((), 0, 0, "any").to_dict())
-        return csv_text(columns, (list(row.to_dict().values()) for row in by_quantity(self.grades)))
+        return csv_text(
+            columns, (list(row.to_dict().values()) for row in tally_quantities(self.grades))
+        )
 
     def to_dataframe(self) -> Any:
         """Return a pandas data frame with a row for each grade, as in ``grades`` of `to_dict`.
@@ -238,7 +241,7 @@ class Report(Printable):
             "headline": self.headline(),
             "first_failing_level": None if first is None else first.level,
             "levels": [level.to_dict() for level in self.levels],
-            "quantities": [row.to_dict() for row in by_quantity(self.grades)],
+            "quantities": [row.to_dict() for row in tally_quantities(self.grades)],
             "diagnoses": [diagnosis.to_dict() for diagnosis in self.diagnoses],
             "shortcomings": list(self.shortcomings),
             "remarks": self.remarks(),
@@ -264,13 +267,13 @@ def _remark(which: int | Sequence[str], one: str, many: str, text: str) -> list[
     """
     number, names = (which, ("",)) if isinstance(which, int) else (len(which), which)
     return (
-        [f"{counted(number, one, many)} {text.format(*names[:1], all=', '.join(names))}"]
+        [f"{count_text(number, one, many)} {text.format(*names[:1], all=', '.join(names))}"]
         if number
         else []
     )
 
 
-def counted(number: int, one: str, many: str) -> str:
+def count_text(number: int, one: str, many: str) -> str:
     """Return a text with a number, followed by the words for one thing or for several.
 
     Args:
@@ -306,7 +309,7 @@ def shown_least(tally: Tally) -> str:
     Args:
         tally: The tally of the level or the quantity.
     """
-    return "none" if tally.unread else shown_digits(tally.least)
+    return "none" if tally.not_numbers else shown_digits(tally.least_digits)
 
 
 def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
@@ -341,12 +344,12 @@ def print_report(report: Report, console: Console) -> None:
 
     def row(tally: Tally, *about: str) -> list[Any]:
         least = coloured(shown_least(tally), tally.verdict)
-        return [*about, least, str(tally.failed - tally.few or ""), str(tally.few or "")]
+        return [*about, least, str(tally.failed - tally.too_few or ""), str(tally.too_few or "")]
 
     rows = [
         [
             *row(level, f"{level.level} {level.name}", f"{level.answered}/{level.asked}"),
-            shown_digits(level.middle),
+            shown_digits(level.median_digits),
             str(DIGITS_REQUIRED[level.level]),
             coloured(level.verdict, level.verdict),
         ]
@@ -354,7 +357,7 @@ def print_report(report: Report, console: Console) -> None:
     ]
     console.print(Text(f"{report.source}: {report.headline()}", style="bold"))
     for diagnosis in report.diagnoses:
-        console.print(Text(diagnosis.says(), style="bold"))
+        console.print(Text(diagnosis.summary(), style="bold"))
     headings = "level =answered =least =wrong =few =median =needs verdict"
     _print_table(
         console,
@@ -427,9 +430,9 @@ def html_page(report: Report) -> str:
     Args:
         report: The report.
     """
-    from tippedisk_verify.web import rendered
+    from tippedisk_verify.web import render
 
-    return rendered(
+    return render(
         "tippedisk_verify.conformance",
         "grades.html",
         digits=shown_digits,

@@ -50,7 +50,7 @@ def tippedisk_agrees() -> Callable[..., Grade]:
     ) -> Grade:
         __tracebackhide__ = True
         grade: Grade = compared(id_, answer, reading=reading)
-        wanted = grade.needs if digits is None else digits
+        wanted = grade.required_digits if digits is None else digits
         # An answer that is right to the reference's own digits has as many as anyone can ask for.
         if not (grade.digits >= wanted or grade.verdict == "exact"):
             pytest.fail(grade.shortfall(wanted), pytrace=False)

@@ -44,7 +44,7 @@ __all__ = [
     "Answers",
     "Row",
     "answer_line",
-    "collected",
+    "collect_answers",
     "question_row",
     "questions",
     "read_answers",
@@ -74,7 +74,7 @@ class Answers:
     not be used.
     """
 
-    given: dict[str, tuple[str, str]] = field(default_factory=dict)
+    by_id: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
     unknown: list[str] = field(default_factory=list)  #: ids that belong to no question
     #: Ids answered more than once; the first answer counts
@@ -131,53 +131,56 @@ def questions(
     ]
     if not chosen:
         raise InputError("there is no such question: levels 3 to 5 are for the linear friction law")
-    return [one for quantity in chosen for one in (quantity, *_optional_ones(quantity))]
+    return [one for quantity in chosen for one in (quantity, *_optional_questions(quantity))]
 
 
-def _optional_ones(quantity: ReferenceValue) -> list[ReferenceValue]:
+def _optional_questions(reference_value: ReferenceValue) -> list[ReferenceValue]:
     """Return the optional questions about a state, from the question about its M, without answers;
     [] for other questions.
     """
-    blank = replace(quantity, values=dict.fromkeys(quantity.values, ("", "")))
-    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(quantity.id)]
+    blank = replace(reference_value, values=dict.fromkeys(reference_value.values, ("", "")))
+    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(reference_value.id)]
     return [
         replace(blank, id=id_, name=name, unit=definition_of("rhs", name).unit)
         for id_, name in names
     ]
 
 
-def question_row(store: Store, quantity: ReferenceValue) -> dict[str, str]:
+def question_row(store: Store, reference_value: ReferenceValue) -> dict[str, str]:
     """Return a question as texts by column, without the columns that do not apply.
 
     Args:
         store: The questions with their parameters.
-        quantity: The question.
+        reference_value: The question.
     """
-    return question_fields(store.parameters[quantity.set], quantity)
+    return question_fields(store.parameters[reference_value.set], reference_value)
 
 
-def sheet_csv(store: Store, asked: Iterable[ReferenceValue]) -> str:
+def sheet_csv(store: Store, asked_questions: Iterable[ReferenceValue]) -> str:
     """Return a sheet of questions as CSV text. Where only decimals make sense, the column ``from``
     is filled in.
 
     Args:
         store: The questions with their parameters.
-        asked: The questions of the sheet.
+        asked_questions: The questions of the sheet.
     """
-    rows = (question_row(store, quantity) for quantity in asked)
+    rows = (question_row(store, quantity) for quantity in asked_questions)
     return csv_text(
         QUESTION_COLUMNS, ([row.get(name, "") for name in QUESTION_COLUMNS] for row in rows)
     )
 
 
-def sheet_json(store: Store, asked: Iterable[ReferenceValue]) -> str:
+def sheet_json(store: Store, asked_questions: Iterable[ReferenceValue]) -> str:
     """Return a sheet of questions as JSON text, one question to a line.
 
     Args:
         store: The questions with their parameters.
-        asked: The questions of the sheet.
+        asked_questions: The questions of the sheet.
     """
-    lines = [json.dumps(question_row(store, quantity), ensure_ascii=False) for quantity in asked]
+    lines = [
+        json.dumps(question_row(store, quantity), ensure_ascii=False)
+        for quantity in asked_questions
+    ]
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
@@ -222,7 +225,7 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
             if text.lstrip()[:1] in ("{", "[")
             else _csv_rows(text, answers)
         )
-        return collected(rows, store, default_reading, answers)
+        return collect_answers(rows, store, default_reading, answers)
     except InputError as fault:
         raise InputError(f"{printable(path.name)}: {fault}") from None
 
@@ -298,11 +301,11 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     if not isinstance(rows, list):
         raise InputError(
             'a JSON sheet has "questions" or "answers", or is an object of ids and numbers; this one has '
-            f"{_listed(named, _JSON_NAMES)}"
+            f"{_names_text(named, _JSON_NAMES)}"
         )
     for row in rows:
         if not isinstance(row, dict) or "id" not in row:
-            has = f"; one has {_listed(row, VALUES_COLUMNS)}" if isinstance(row, dict) else ""
+            has = f"; one has {_names_text(row, VALUES_COLUMNS)}" if isinstance(row, dict) else ""
             raise InputError(f'each question of a JSON sheet has an "id"{has}')
         _note_strange(row, VALUES_COLUMNS, answers)
         yield _json_row(row, _as_text(row.get("from", "") or everywhere))
@@ -328,7 +331,7 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
             raise InputError(
                 "neither a CSV nor a JSON sheet: the first line must name the columns id and "
                 "answer, separated by "
-                f"commas, semicolons or tabs; it has {_listed(header, VALUES_COLUMNS)}"
+                f"commas, semicolons or tabs; it has {_names_text(header, VALUES_COLUMNS)}"
             )
         # Single columns of such names may be the user's own.
         asked = _QUESTION if set(_QUESTION) <= set(header) else ()
@@ -392,7 +395,7 @@ def _with_likely(name: str, known: tuple[str, ...]) -> str:
     return f"'{printable(name)[:40]}'{meant}"
 
 
-def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
+def _names_text(names: Iterable[str], known: tuple[str, ...]) -> str:
     """Return names found in a sheet as text for a message, as many as fit; "none" without a name.
 
     A likely meant name follows each that is not known.
@@ -403,7 +406,7 @@ def _listed(names: Iterable[str], known: tuple[str, ...]) -> str:
     )
 
 
-def collected(
+def collect_answers(
     rows: Iterable[Row], store: Store, default_reading: str | None, answers: Answers
 ) -> Answers:
     """Add the answers in the rows of a sheet to ``answers``.
@@ -434,9 +437,9 @@ def collected(
             if len(answers.unknown) < _MAX_UNKNOWN:
                 answers.unknown.append(id_[:200])
             continue
-        if (column := _altered(asked, store, store[id_])) is not None:
+        if (column := _altered_column(asked, store, store[id_])) is not None:
             answers.altered_entries.append(f"{id_}, {column}")
-        if id_ in answers.given:
+        if id_ in answers.by_id:
             answers.repeated.append(id_)
             continue
         if not reading:
@@ -448,7 +451,7 @@ def collected(
             raise InputError(
                 f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'"
             )
-        answers.given[id_] = (
+        answers.by_id[id_] = (
             reading,
             answer if len(answer) <= _MAX_ANSWER else "(longer than 2000 characters)",
         )
@@ -462,20 +465,22 @@ def _without_missing(answers: Answers) -> Answers:
     in ``answers.missing``. If only some are, these stay and are wrong, except for optional ones.
     """
     by_entry: dict[str, list[str]] = {}
-    for id_ in answers.given:
+    for id_ in answers.by_id:
         by_entry.setdefault(id_.rsplit("/", 1)[0], []).append(id_)
     for entry, ids in by_entry.items():
-        missing = [id_ for id_ in ids if is_missing(answers.given[id_][1])]
+        missing = [id_ for id_ in ids if is_missing(answers.by_id[id_][1])]
         if len(missing) == len(ids):
             answers.missing.append(entry)
         else:
             missing = [id_ for id_ in missing if is_optional(id_)]
         for id_ in missing:
-            del answers.given[id_]
+            del answers.by_id[id_]
     return answers
 
 
-def _altered(columns: dict[str, str], store: Store, quantity: ReferenceValue) -> str | None:
+def _altered_column(
+    columns: dict[str, str], store: Store, reference_value: ReferenceValue
+) -> str | None:
     """Return the name of the first column in which a row of a sheet differs from the question; None
     if there is no difference.
 
@@ -484,9 +489,9 @@ def _altered(columns: dict[str, str], store: Store, quantity: ReferenceValue) ->
     Args:
         columns: The columns of a row in a sheet.
         store: The questions with their parameters.
-        quantity: The question with the id of that row.
+        reference_value: The question with the id of that row.
     """
-    asked = question_row(store, quantity) if columns else {}
+    asked = question_row(store, reference_value) if columns else {}
     for name, text in columns.items():
         wanted, text = asked.get(name, ""), text.strip()
         if text and text != wanted:

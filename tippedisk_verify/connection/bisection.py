@@ -1,4 +1,4 @@
-"""Omega_h by bisection on the side to which the unstable branch of noninverted spinning goes.
+"""Omega_h by bisection on the side to which the unstable manifold of noninverted spinning goes.
 
 Below Omega_h the branch that leaves (pi/2, -pi/2, 0) towards growing gamma passes the copy at gamma
 = 3 pi/2. It then goes on from well to well. Above Omega_h the branch turns back before the copy. By
@@ -16,7 +16,7 @@ from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 from tippedisk_verify.model.results import Printable
@@ -29,9 +29,9 @@ from tippedisk_verify.theory.equilibria import (
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
-__all__ = ["BisectedOmegaH", "bisect_omega_h", "unstable_branch"]
+__all__ = ["BisectedOmegaH", "bisect_omega_h", "follow_unstable_manifold"]
 
-#: The branch crosses the section again before it has reached the next saddle: it turns back.
+# The branch crosses the section again before it has reached the next saddle: it turns back.
 _TURNS_BACK = Event("turns back", SECTION.function, direction=1)
 # sin(gamma/2) + cos(gamma/2) vanishes at gamma = -pi/2 + 2 pi n, the noninverted states, and needs
 # no pi.
@@ -43,9 +43,9 @@ _PASSAGE = Event(
 # leaves no quadratic terms, so the start misses the unstable manifold by the cube of the distance,
 # most of it along directions that decay.
 _START_DISTANCE = Fraction(1, 2**17)
-#: Relative tolerances of the repeated runs of the baseline, looser than its own, which is 1e-13.
+# Relative tolerances of the repeated runs of the baseline, looser than its own, which is 1e-13.
 _TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
-#: The half-width in spreads of those runs, as in `error_budget`.
+# The half-width in spreads of those runs, as in `error_budget`.
 _SPREAD_FACTOR = 4
 _CACHED_CONNECTIONS = 256  # connections in the cache
 # The longest flight [s]. A passage within 1e-16 of the saddle takes less than 12 s.
@@ -62,7 +62,7 @@ class BisectedOmegaH(Printable):
     method: str
 
 
-def unstable_branch(
+def follow_unstable_manifold(
     parameters: Parameters,
     omega: Fraction,
     engine: Engine,
@@ -71,7 +71,7 @@ def unstable_branch(
     offset: Fraction = _START_DISTANCE,
     tolerance: float | None = None,
 ) -> Result:
-    """Follow the unstable branch of (pi/2, -pi/2, 0) with growing gamma.
+    """Follow the unstable manifold of (pi/2, -pi/2, 0) with growing gamma.
 
     The flight ends when the branch turns back or passes the next saddle.
 
@@ -108,12 +108,12 @@ def unstable_branch(
     )
 
 
-@undisturbed()
+@ignore_numpy_errors()
 @lru_cache(maxsize=_CACHED_CONNECTIONS)
 def bisect_omega_h(
     parameters: Parameters, engine: Engine, *, confirm: bool = True
 ) -> BisectedOmegaH:
-    """Return Omega_h, found by bisection on the side to which the unstable branch goes.
+    """Return Omega_h, found by bisection on the side to which the unstable manifold goes.
 
     The result is accurate to the last digits of double, and it is cached.
 
@@ -171,17 +171,17 @@ def _passes(
     offset: Fraction = _START_DISTANCE,
     tolerance: float | None = None,
 ) -> bool:
-    """Return True if the unstable branch of a saddle passes the next saddle, False if it turns
+    """Return True if the unstable manifold of a saddle passes the next saddle, False if it turns
     back.
 
     Raises AccuracyError if the flight fails.
     """
-    result = unstable_branch(
+    result = follow_unstable_manifold(
         parameters, omega, engine, precision=precision, offset=offset, tolerance=tolerance
     )
     if result.status not in (Status.EVENT, Status.FLAT):
         raise AccuracyError(
-            f"the unstable branch at Omega = {float(omega):.12g} rad/s: {result.status.value}"
+            f"the unstable manifold at Omega = {float(omega):.12g} rad/s: {result.status.value}"
         )
     return result.status is Status.FLAT or result.events[-1].name == _PASSAGE.name
 
@@ -210,7 +210,7 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
 
 
 def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Fraction]:
-    """Return two neighbouring doubles [rad/s] between which the unstable branch changes sides.
+    """Return two neighbouring doubles [rad/s] between which the unstable manifold changes sides.
 
     ``passes`` tells if the branch passes the next saddle at a speed; otherwise it turns back.
     ``top`` is Omega_crit. Raises NoConnectionError if the branch does not change sides between
@@ -221,14 +221,14 @@ def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Frac
         upper, lower = upper + top / 64, upper
         if upper > top * 3 / 2:
             raise NoConnectionError(
-                "the saddle's unstable branch passes at every speed up to 3/2 Omega_crit: no "
+                "the saddle's unstable manifold passes at every speed up to 3/2 Omega_crit: no "
                 "connection"
             )
     while not passes(lower):
         upper, lower = lower, lower - top / 64
         if lower < top / 2:
             raise NoConnectionError(
-                "the saddle's unstable branch turns back at every speed down to Omega_crit / 2: no "
+                "the saddle's unstable manifold turns back at every speed down to Omega_crit / 2: no "
                 "connection"
             )
     return _narrowed(passes, lower, upper)

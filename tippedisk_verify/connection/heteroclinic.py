@@ -14,9 +14,9 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
-from tippedisk_verify.model.arrays import ArrayFunction, doubles
+from tippedisk_verify.model.arrays import ArrayFunction, round_to_doubles
 from tippedisk_verify.model.equations import field as equations_of_motion
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, quantity
@@ -108,25 +108,25 @@ class Heteroclinic(Printable):
             AccuracyError: If the branch cannot be followed.
         """
         if count < 2:
-            raise InputError(f"an orbit has at least its two ends, not {shown(count)} points")
+            raise InputError(f"an orbit has at least its two ends, not {short_text(count)} points")
         engine, omega_h = engine or default_engine(), self.omega_h
         overview = numpy.linspace(0, _MAX_FLIGHT, _OVERVIEW_POINTS)
-        run = self._branch(omega_h.value, overview, engine, measured=False)
+        run = self._follow_unstable_manifold(omega_h.value, overview, engine, measured=False)
         distances = numpy.abs(run.samples - numpy.array([0, math.pi, 0])).max(axis=1)
         since = numpy.linspace(0, overview[int(numpy.argmin(distances))], count)
-        run = self._branch(omega_h.value, since, engine)
-        times = doubles(since - run.events[0].time)
-        states = doubles(run.samples).T
+        run = self._follow_unstable_manifold(omega_h.value, since, engine)
+        times = round_to_doubles(since - run.events[0].time)
+        states = round_to_doubles(run.samples).T
         states[:2] += math.pi / 2
         if run.error is None:
             return times, states, numpy.full(states.shape, numpy.inf)
-        moved = self._branch(omega_h.value + omega_h.uncertainty, since, engine)
+        moved = self._follow_unstable_manifold(omega_h.value + omega_h.uncertainty, since, engine)
         earlier = abs(float(moved.events[0].time - run.events[0].time))
         late = numpy.spacing(numpy.abs(times)) + run.error.events[0] + HALF_WIDTH_FACTOR * earlier
         rates = numpy.abs(
             ArrayFunction(equations_of_motion, self.parameters, omega_h.value)(0, states)
         )
-        widths = doubles(
+        widths = round_to_doubles(
             run.error.samples + HALF_WIDTH_FACTOR * numpy.abs(moved.samples - run.samples)
         ).T
         # Two roundings: that of the flight's number to a double, and that of the sum with pi/2.
@@ -136,17 +136,17 @@ class Heteroclinic(Printable):
             widths + HALF_WIDTH_FACTOR * rates * late + numpy.spacing(2 * numpy.abs(states)),
         )
 
-    def _branch(
+    def _follow_unstable_manifold(
         self, omega: Fraction, times: Any, engine: Engine, *, measured: bool = True
     ) -> Result:
-        """Return the flight at a speed from the first saddle along its unstable branch, in shifted
-        angles.
+        """Return the flight at a speed from the first saddle along its unstable manifold, in
+        shifted angles.
 
         Its event is gamma = pi/2. Raises AccuracyError if the flight does not reach the last time.
         """
-        start = Saddle(self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER).start_on_branch(
-            _START_DISTANCE
-        )
+        start = Saddle(
+            self.parameters, omega, _SADDLE_BITS, _SADDLE_ORDER
+        ).start_on_unstable_manifold(_START_DISTANCE)
         result = engine(
             Request(
                 self.parameters,
@@ -162,7 +162,7 @@ class Heteroclinic(Printable):
             )
         )
         if result.status is not Status.REACHED or not result.events:
-            raise AccuracyError(f"the unstable branch: {result.status.value}")
+            raise AccuracyError(f"the unstable manifold: {result.status.value}")
         return result
 
 

@@ -1,7 +1,7 @@
 """Omega_h to any number of digits, with its half-width and derivatives, as the speed at which the
 saddles' manifolds meet.
 
-**The splitting.** The unstable branch of (pi/2, -pi/2, 0) starts on its power series, at a fixed
+**The splitting.** The unstable manifold of (pi/2, -pi/2, 0) starts on its power series, at a fixed
 distance. It flows for a fixed time and ends next to (pi/2, 3 pi/2, 0). There the power series of
 the stable manifold gives its distance from that manifold. This distance, the splitting u(Omega), is
 an analytic function with a simple zero at Omega_h.
@@ -78,8 +78,8 @@ _BY_STAGES, _BY_WIDER_RUN = 0.4, 0.6
 class Splitting:
     """The splitting of the saddles' manifolds at one speed.
 
-    It consists of the coordinates in which the first saddle's unstable branch arrives at the second
-    saddle. The connection exists where u = 0.
+    It consists of the coordinates in which the first saddle's unstable manifold arrives at the
+    second saddle. The connection exists where u = 0.
     """
 
     omega: Fraction  #: [rad/s]
@@ -161,7 +161,7 @@ class SplittingFunction:
         ctx = saddle.context
         end = self._flown(saddle, self.precision, self.duration)
         if end.status is not Status.REACHED:
-            raise AccuracyError(f"the unstable branch: {end.status.value}")
+            raise AccuracyError(f"the unstable manifold: {end.status.value}")
         beta, gamma, v = (quotient(ctx, value) for value in map(fraction, end.state))
         u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
@@ -171,7 +171,7 @@ class SplittingFunction:
     def _flown(
         self, saddle: Saddle, precision: Precision, duration: object, times: Any = None
     ) -> Result:
-        """Return the flight along the saddle's unstable branch, from this object's starting
+        """Return the flight along the saddle's unstable manifold, from this object's starting
         distance on.
 
         Args:
@@ -184,7 +184,7 @@ class SplittingFunction:
             Request(
                 self.parameters,
                 saddle.omega,
-                saddle.start_on_branch(self.start),
+                saddle.start_on_unstable_manifold(self.start),
                 duration,
                 times=times,
                 precision=precision,
@@ -252,7 +252,7 @@ class SplittingFunction:
 
 
 def first_arrival(samples: Any, distance: float) -> int:
-    """Return the index of the first state on the unstable branch that is close to the second
+    """Return the index of the first state on the unstable manifold that is close to the second
     saddle.
 
     Args:
@@ -265,7 +265,7 @@ def first_arrival(samples: Any, distance: float) -> int:
     near = numpy.flatnonzero(numpy.abs(samples - [0.0, math.pi, 0.0]).max(axis=1) < distance)
     if not len(near):
         raise AccuracyError(
-            "the unstable branch does not come near the second saddle: there is no connection here"
+            "the unstable manifold does not come near the second saddle: there is no connection here"
         )
     return int(near[0])
 

@@ -76,7 +76,9 @@ class BatchCycles:
         and the flight time.
         """
         first, second = (self.numbers[name] for name in self.section.names)
-        return numpy.stack((first, second, self.numbers["period"] / self.section.per_period))
+        return numpy.stack(
+            (first, second, self.numbers["period"] / self.section.flights_per_period)
+        )
 
     def only(self, which: Any) -> BatchCycles:
         """Return a batch with some of these cycles.
@@ -123,10 +125,10 @@ def shoot_batch(
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
     flown = {
         name: numpy.full(count, numpy.nan)
-        for name in (*(m.name for m in section.measures), "divergence")
+        for name in (*(m.name for m in section.event_quantities), "divergence")
     }
     if whole and converged.any():
-        for name, values in batch.measures(unknowns, numpy.flatnonzero(converged)).items():
+        for name, values in batch.event_quantities(unknowns, numpy.flatnonzero(converged)).items():
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
     matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
@@ -257,7 +259,7 @@ class _SectionBatch:
             / (direction**2).sum(axis=1),
         )
 
-    def measures(self, unknowns: Array, runs: Any) -> dict[str, Any]:
+    def event_quantities(self, unknowns: Array, runs: Any) -> dict[str, Any]:
         """Return further numbers of the cycles, by name, from one more flight of each.
 
         They are the section's measures, such as the largest lean, and the integral of the
@@ -272,12 +274,12 @@ class _SectionBatch:
             states[:, 2],
             shifted=True,
             divergence=True,
-            events=self._section.recorded,
+            events=self._section.recorded_events,
         )
         events: list[list[tuple[str, Any]]] = [[] for _ in runs]
         for name, run, _, state in flights.crossings:
             events[run].append((name, state))
-        rows = [self._section.measured(of_run, 0.0) for of_run in events]
+        rows = [self._section.quantities_at_events(of_run, 0.0) for of_run in events]
         measures: dict[str, Any] = {
             name: numpy.array([row[name] for row in rows]) for name in rows[0]
         }

@@ -21,7 +21,7 @@ import numpy
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_speed import cycles_at
 from tippedisk_verify.cycles.cycles_by_whole_flights import MIN_SHOOTING_DISTANCE
-from tippedisk_verify.cycles.family import Family, in_batches
+from tippedisk_verify.cycles.family import Family, batch_solver
 from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
@@ -34,7 +34,7 @@ from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
-from tippedisk_verify.model.exact import fraction, shown, whole
+from tippedisk_verify.model.exact import fraction, integer_between, short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -56,8 +56,8 @@ __all__ = [
     "SpecialPoint",
     "cycles_found",
     "librating_branch",
-    "not_all_missing",
     "paper_speeds",
+    "require_some_cycle",
     "rotating_branch",
 ]
 
@@ -200,9 +200,11 @@ class Branch(Printable):
         going_on = [special.name for special in self.points if special.name != "Omega_h"]
         name = getattr(point, "name", point)
         if name not in going_on:
-            raise InputError(f"a branch restarts from {', '.join(going_on)}, not {shown(name)}")
-        if whole(count, 2, _MAX_SPEEDS) is None:
-            raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {shown(count)}")
+            raise InputError(
+                f"a branch restarts from {', '.join(going_on)}, not {short_text(name)}"
+            )
+        if integer_between(count, 2, _MAX_SPEEDS) is None:
+            raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {short_text(count)}")
         disk = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
         return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
@@ -374,7 +376,7 @@ def cycles_found(rows: Iterable[C | MissingCycle]) -> list[C]:
     return [row for row in rows if not isinstance(row, MissingCycle)]
 
 
-def not_all_missing(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
+def require_some_cycle(rows: Iterable[C | MissingCycle]) -> list[C | MissingCycle]:
     """Return the rows as a list, unless all are missing cycles.
 
     Args:
@@ -483,7 +485,7 @@ def _cycles_at_speeds(
     if len(speeds) >= _MIN_FOR_LANES and parameters.law.is_linear:
         lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
-        solve = in_batches(section, parameters, lanes)
+        solve = batch_solver(section, parameters, lanes)
         with suppress(NoConnectionError, NoSuchCycleError, AccuracyError):
             followed: Family
             if section is LIBRATING:

@@ -18,8 +18,8 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import exact, shown
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.exact import exact, short_text
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.progress import subrange
@@ -35,7 +35,7 @@ _BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def cycle_above_omega_h(
     parameters: Parameters, above: object, engine: Engine, *, digits: int = 12
 ) -> LimitCycle:
@@ -96,7 +96,7 @@ def _next_to_omega_h(
     if distance >= branch_length:
         raise NoSuchCycleError(
             f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
-            f"{shown(offset)}"
+            f"{short_text(offset)}"
         )
     with subrange(0, _BY_OMEGA_H):
         omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
@@ -157,7 +157,7 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
     distance = exact(offset)
     if distance.pi_multiple or distance.rational <= 0:
         raise InputError(
-            f"the distance {side} Omega_h must be a positive decimal, not {shown(offset)}"
+            f"the distance {side} Omega_h must be a positive decimal, not {short_text(offset)}"
         )
     digits = checked_digits(digits)
     value = distance.rational

@@ -148,9 +148,9 @@ def rotating_cycle(
         # The saddle's branch is lost where the disk has no connection (NoConnectionError), where
         # the speed is Omega_h to rounding (ZeroDivisionError), and next to the fold.
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):
-            # The saddle's unstable branch leads there where the cycle is not next to the fold.
+            # The saddle's unstable manifold leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
-            fixed_point = shoot(return_map, return_map.end_of_branch())
+            fixed_point = shoot(return_map, return_map.end_of_unstable_manifold())
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle

@@ -29,7 +29,7 @@ def number_names(section: Section[Any]) -> tuple[str, ...]:
     return (
         "period",
         *section.names,
-        *(measure.name for measure in section.measures),
+        *(measure.name for measure in section.event_quantities),
         *multipliers,
         *by_omega,
     )
@@ -58,7 +58,10 @@ def numbers_from_map(
         flight: The section's measures and the integral of the ``divergence`` over the flight.
         ops: The functions of the arithmetic.
     """
-    laps, choose = section.per_period, numpy.where if isinstance(time, numpy.ndarray) else _chosen
+    laps, choose = (
+        section.flights_per_period,
+        numpy.where if isinstance(time, numpy.ndarray) else _chosen,
+    )
     (a, b), (c, d) = matrix
     trace, determinant = a + d, a * d - b * c
     # The larger root of l^2 - trace l + determinant. Mostly the determinant is some 1e-25 and
@@ -76,7 +79,7 @@ def numbers_from_map(
         "period": laps * time,
         first: point[0],
         second: point[1],
-        **{measure.name: flight[measure.name] for measure in section.measures},
+        **{measure.name: flight[measure.name] for measure in section.event_quantities},
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
         # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its

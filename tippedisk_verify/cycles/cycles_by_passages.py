@@ -36,7 +36,7 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
 from tippedisk_verify.theory.equilibria import saddle_value_sign
@@ -54,9 +54,9 @@ C = TypeVar("C", bound=Cycle)
 _CHOICE = PassageAccuracy(
     order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5
 )
-#: Choices with a larger truncation error. Their flights lie closer together, so that rounding
-#: weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
-#: which matter most.
+# Choices with a larger truncation error. Their flights lie closer together, so that rounding
+# weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
+# which matter most.
 _COARSER_CHOICES = tuple(
     PassageAccuracy(
         order=17,
@@ -72,8 +72,8 @@ _COARSER_CHOICES = tuple(
         ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
     )
 )
-#: The half-width in units of the largest distance to the others. An error beyond it has a
-#: probability of some 1e-6 for normal errors, if those of the others are four times as large.
+# The half-width in units of the largest distance to the others. An error beyond it has a
+# probability of some 1e-6 for normal errors, if those of the others are four times as large.
 _CHOICE_FACTOR = 8
 _ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
 _MAX_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
@@ -84,14 +84,14 @@ _ORIGIN_GRID = 2**72
 _CACHED_DISKS = 64  # disks in the cache
 _MAX_DIGITS = 15  # digits that 64 bits give with some certainty
 _PI_BITS = 96  # bits of pi beyond those of the half-width
-#: The digits of Omega_h for the first attempt, and the steps by which they grow.
+# The digits of Omega_h for the first attempt, and the steps by which they grow.
 _FIRST_DIGITS, _MORE_DIGITS = 27, 10
 _GUARD_DIGITS = 4
 # The digits of the distance from Omega_h with which no number shows the distance's uncertainty.
 _DISTANCE_DIGITS = 18
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def cycle_by_passages(
     section: Section[C],
     parameters: Parameters,
@@ -265,7 +265,7 @@ class PeriodLaw(NamedTuple):
         )
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     """Return the asymptotic law of the librating cycles' period above Omega_h, from the maps
     between the saddles.
@@ -323,7 +323,7 @@ def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[Gl
     )
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def monodromy_by_passages(
     parameters: Parameters, origin: Fraction, distance: Fraction
 ) -> tuple[Any, Any]:

@@ -5,7 +5,7 @@ They are the way to a cycle within `MIN_SHOOTING_DISTANCE` of Omega_h, where sho
 not settle, and passages do not have the digits wanted.
 
 Omega_h itself is needed to more digits than D has zeros; the manifolds' splitting provides it. A
-cycle passes the saddles so closely that it leaves them along the unstable branch.
+cycle passes the saddles so closely that it leaves them along the unstable manifold.
 
 If the saddle value is negative, the return map contracts like D^(-lambda_s / lambda_u - 1). The
 branch itself then arrives next to the fixed point, and Broyden's iteration needs no derivative to
@@ -22,7 +22,7 @@ from typing import Any, TypeVar
 from tippedisk_verify.cycles.cycle_numbers import number_names
 from tippedisk_verify.cycles.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import FixedPoint, Stop
+from tippedisk_verify.cycles.newton import FixedPoint, StoppingRule
 from tippedisk_verify.cycles.period_continuation import (
     PeriodContinuation,
     log10,
@@ -45,7 +45,7 @@ C = TypeVar("C", bound=Cycle)
 
 MIN_SHOOTING_DISTANCE = Fraction(
     1, 10**5
-)  # rad/s; closer, shooting in double does not settle reliably
+)  #: rad/s; closer, shooting in double does not settle reliably
 _STRONG_CONTRACTION = -1.0  # decimal logarithm of a contraction that needs no derivative
 _MAX_STEPS = 25
 _ROUNDING_STEP = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
@@ -126,14 +126,14 @@ def fixed_point_near(
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
     )
     if log10(distance) * (-slow / unstable - 1) < _STRONG_CONTRACTION:
-        point = return_map.end_of_branch()
+        point = return_map.end_of_unstable_manifold()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
     else:
         point = (
             _predicted(return_map, omega - omega_h)
             if section is LIBRATING
-            else return_map.end_of_branch()
+            else return_map.end_of_unstable_manifold()
         )
         matrix = return_map(point).matrix
     return _fixed_point(return_map, point, matrix, distance)
@@ -146,8 +146,8 @@ def _predicted(return_map: ReturnMap[C], above: Fraction) -> tuple[Any, Any]:
     The family is followed in its period to about the root of ``above``.
     """
     family = PeriodContinuation(return_map.parameters, return_map.engine)
-    while 100 * family.change >= abs(above) and abs(above) < abs(family.above):
-        family.further(4 * abs(above))
+    while 100 * family.change >= abs(above) and abs(above) < abs(family.distance):
+        family.extend_towards(4 * abs(above))
     half_period = return_map.precision.number(family.asymptotics.half_period(above))
     return predicted_state(family.latest, half_period, return_map.precision)
 
@@ -166,7 +166,7 @@ def _fixed_point(
     (a, b), (c, d) = matrix
     # Rounding moves the splitting, and that is resolved against the distance from Omega_h.
     resolved = precision.number(precision.epsilon / distance)
-    stop = Stop(_MAX_STEPS, lost, small=resolved, near=_ROUNDING_STEP)
+    stop = StoppingRule(_MAX_STEPS, lost, small=resolved, near=_ROUNDING_STEP)
     step: tuple[Any, Any] | None = None
     while True:
         end = return_map.flight(point).state

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.cycles_by_passages import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import entries, fraction
+from tippedisk_verify.model.exact import as_list, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable, data_frame, quantity
@@ -166,7 +166,7 @@ def near_heteroclinic(
         raise InputError("an answer is a pair of a speed and a period, such as ('30.05', '5.27')")
     checked_answers = [(checked_speed(omega), fraction(period)) for omega, period in pairs]
     law = period_law(parameters, engine)
-    rows = tuple(_row_at(parameters, distance, engine, law) for distance in entries(distances))
+    rows = tuple(_row_at(parameters, distance, engine, law) for distance in as_list(distances))
     compared = tuple(_compared(parameters, *answer, engine) for answer in checked_answers)
     return NearHeteroclinic(law, rows, compared, parameters, engine.name)
 

@@ -33,11 +33,11 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import FixedPoint, Iterate, Stop, newton
+from tippedisk_verify.cycles.newton import FixedPoint, Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
-from tippedisk_verify.flow.system import nudged
+from tippedisk_verify.flow.system import nudge
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -46,11 +46,11 @@ from tippedisk_verify.progress import report_share, subrange
 
 __all__ = [
     "MORE_DIGITS",
+    "bound_lost_logarithms",
     "cycle_in_precision",
     "cycle_of",
     "cycle_to_digits",
     "iterate_until_rounding",
-    "logarithms_bounded",
     "numbers_at",
     "numbers_in_precision",
     "wider_cycle",
@@ -72,12 +72,12 @@ TWIN_FACTOR = 4
 #: spread measures it. With the cycle in double they give the same risk: the error exceeds
 #: TWIN_FACTOR times the spread, scaled to its arithmetic.
 TWINS_OF_WIDER = 8
-#: A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle
-#: differ by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic
-#: answers.
+# A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle
+# differ by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic
+# answers.
 _SAFETY_OF_CHOICE = 2
-#: The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is
-#: at least 1/2.
+# The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is
+# at least 1/2.
 _STALLED_STEPS = 4
 #: The number of extra digits for a cycle that needs more digits than doubles have.
 MORE_DIGITS = 20
@@ -125,7 +125,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
-            if cycle is not None and _lacking(cycle, wanted, _SAFETY_OF_CHOICE) is None:
+            if cycle is not None and _first_lacking(cycle, wanted, _SAFETY_OF_CHOICE) is None:
                 return cycle
     return wider_cycle(fixed_point, digits)
 
@@ -148,7 +148,7 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
     name: str | None = None
     for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
         cycle = cycle_in_precision(fixed_point, bits(bits_for_digits(digits + extra)))
-        if (name := _lacking(cycle, digits)) is None:
+        if (name := _first_lacking(cycle, digits)) is None:
             return cycle
     raise AccuracyError(
         f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}, "
@@ -176,9 +176,9 @@ def cycle_in_precision(
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
         return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
     with subrange(0, _BY_FIRST_RUN):
-        numbers, _, sharper = _sharpened(fixed_point, precision)
+        numbers, _, sharper = _solve_in_precision(fixed_point, precision)
     with subrange(_BY_FIRST_RUN, 1):
-        sharp, doubt, _ = _sharpened(sharper, wider or companion(precision))
+        sharp, doubt, _ = _solve_in_precision(sharper, wider or companion(precision))
     return _as_cycle(
         fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
     )
@@ -202,7 +202,7 @@ def _by_twins(
         numbers, doubt = doubles[0], dict[str, Fraction]()
     else:
         try:
-            numbers, doubt, _ = _sharpened(fixed_point, precision)
+            numbers, doubt, _ = _solve_in_precision(fixed_point, precision)
         except AccuracyError:
             return None
     measured = half_widths_by_twins(numbers, doubles, precision)
@@ -211,7 +211,7 @@ def _by_twins(
     return _as_cycle(fixed_point, measured, precision)
 
 
-def _lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
+def _first_lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
     """Return the name of the first main number of a cycle that has fewer than ``digits`` digits, or
     None.
 
@@ -251,7 +251,7 @@ def cycle_of(
         measured: The numbers by name. The sum ``log_multipliers`` of the logarithms is among them.
         others: Other attributes of the result.
     """
-    logarithms_bounded(measured)
+    bound_lost_logarithms(measured)
     # The true multiplier along the flow is 1: its computed distance from 1 is all error.
     defect = measured["trivial_multiplier_defect"]
     measured["trivial_multiplier_defect"] = Measured(
@@ -274,7 +274,7 @@ def numbers_in_precision(fixed_point: FixedPoint[C], precision: Precision) -> di
     Raises:
         AccuracyError: If the iteration does not settle.
     """
-    return _sharpened(fixed_point, precision)[0]
+    return _solve_in_precision(fixed_point, precision)[0]
 
 
 def numbers_at(
@@ -296,7 +296,7 @@ def numbers_at(
         image.matrix,
         (first, second, time),
         return_map.trivial_multiplier(point, image),
-        return_map.measures(flight) | {"divergence": flight.divergence},
+        return_map.event_quantities(flight) | {"divergence": flight.divergence},
         return_map.precision.ops,
     )
 
@@ -316,7 +316,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         # the residual is the same, often zero, over many starts. A change of the arrival by one
         # unit in the last place shows it.
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
-        moved = nudged(arrival, pattern + 2, DOUBLE)
+        moved = nudge(arrival, pattern + 2, DOUBLE)
         residual = [
             now + (other - whole)
             for now, whole, other in zip(image.residual, arrival, moved, strict=True)
@@ -324,7 +324,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         step = image._replace(residual=tuple(residual)).newton_step()
         point = (point[0] + step[0], point[1] + step[1])
         later = image.time_by_state[0] * step[0] + image.time_by_state[1] * step[1]
-        period = numbers["period"] + return_map.section.per_period * later
+        period = numbers["period"] + return_map.section.flights_per_period * later
         yield numbers | {first: point[0], second: point[1], "period": period}
 
 
@@ -385,7 +385,7 @@ def half_widths_by_wider_run(
     return measured
 
 
-def logarithms_bounded(measured: dict[str, Measured]) -> None:
+def bound_lost_logarithms(measured: dict[str, Measured]) -> None:
     """Replace the logarithms of Floquet multipliers that are lost in rounding by bounds.
 
     The slow multiplier is at most the size that rounding leaves of it. The fast one is no larger.
@@ -408,7 +408,7 @@ def logarithms_bounded(measured: dict[str, Measured]) -> None:
 
 
 # ------------------------------------------------------------------------------------ the iteration
-def _sharpened(
+def _solve_in_precision(
     fixed_point: FixedPoint[C], precision: Precision
 ) -> tuple[dict[str, Any], dict[str, Fraction], FixedPoint[C]]:
     """Solve for a limit cycle again in an arithmetic, from its fixed point in another one.
@@ -427,7 +427,7 @@ def _sharpened(
     undecided = [_STALLED_STEPS * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
     doubt = dict(zip(return_map.section.names, undecided, strict=True))
-    doubt["period"] = return_map.section.per_period * sum(times, Fraction(0))
+    doubt["period"] = return_map.section.flights_per_period * sum(times, Fraction(0))
     sharper = replace(fixed_point, return_map=return_map, point=point, image=image)
     return numbers_at(return_map, point, image), doubt, sharper
 
@@ -478,14 +478,14 @@ def iterate_until_rounding(
             tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix
         )
         chord = fixed_point.image._replace(matrix=rows, by_omega=(0, 0))
-        stop = Stop(precision.bits // 8 + 8, failure, small=small, fewest=2)
+        stop = StoppingRule(precision.bits // 8 + 8, failure, small=small, fewest=2)
         found = newton(return_map, point, stop, size_of_chord, chord=chord)
         if size(found) < small:
             return found.ahead[:2], (Fraction(0), Fraction(0))
         point = found.point
     try:
         found = newton(
-            return_map, point, Stop(_MAX_NEWTON_STEPS, failure, small=small, fewest=2), size
+            return_map, point, StoppingRule(_MAX_NEWTON_STEPS, failure, small=small, fewest=2), size
         )
     except NoSuchCycleError:
         raise failure from None

@@ -23,7 +23,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy
 
 from tippedisk_verify.cycles.batch_shooting import shoot_batch
-from tippedisk_verify.cycles.newton import Iterate, Stop, newton
+from tippedisk_verify.cycles.newton import Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
@@ -32,7 +32,7 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["Family", "Place", "Solved", "Solver", "in_batches", "one_at_a_time"]
+__all__ = ["CycleGuess", "Family", "SolvedCycles", "Solver", "batch_solver", "sequential_solver"]
 
 _SHORT, _LONG, _SHORT_PANELS = 0.4, 0.8, 3  # lengths of the first few panels and of the others
 _GROUP_SIZE = 8  # nodes that are solved together
@@ -45,7 +45,7 @@ _MAX_STEPS = 10  # steps of Newton's iteration for an abscissa
 _SETTLED = 1e-9  # a relative step after which only rounding is left
 
 
-class Solved(NamedTuple):
+class SolvedCycles(NamedTuple):
     """Limit cycles that were solved for at chosen first coordinates, as arrays (n,).
 
     They are NaN where the search failed. Slopes are derivatives with respect to the first
@@ -62,11 +62,11 @@ class Solved(NamedTuple):
 
 #: A function that solves for cycles. Its arguments are the first coordinate, the second one, the
 #: flight time and Omega, as arrays (n,). The first is fixed, the others are guesses.
-Solver = Callable[[Array, Array, Array, Array], Solved]
+Solver = Callable[[Array, Array, Array, Array], SolvedCycles]
 
 
 @dataclass(frozen=True)
-class Place:
+class CycleGuess:
     """An approximate limit cycle of a family, in double: the start from which to shoot for the
     cycle.
     """
@@ -81,8 +81,8 @@ class Place:
     zeros: int = 0
 
     @classmethod
-    def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> Place:
-        """Return a `Place` for a cycle so close to the connection that doubles cannot separate
+    def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> CycleGuess:
+        """Return a `CycleGuess` for a cycle so close to the connection that doubles cannot separate
         them.
 
         It has no coordinates (NaN).
@@ -180,7 +180,7 @@ class Family:
         )
         rows_before, solved = self._rows, 0
         while solved < self.nodes_per_panel:
-            group = self._solved(wanted[solved : solved + _GROUP_SIZE], rows_before)
+            group = self._solve_at(wanted[solved : solved + _GROUP_SIZE], rows_before)
             if not len(group):
                 rows_before = self._between(rows_before, wanted[solved])
                 continue
@@ -206,15 +206,15 @@ class Family:
         """
         begin = rows[-1, 0]
         if target - begin < _MIN_NODE_DISTANCE:
-            raise NoSuchCycleError(self._lost(target))
-        group = self._solved(
+            raise NoSuchCycleError(self._lost_family_error(target))
+        group = self._solve_at(
             begin + (target - begin) * numpy.arange(1, _GROUP_SIZE + 1) / (2 * _GROUP_SIZE), rows
         )
         if not len(group):
-            raise NoSuchCycleError(self._lost(target))
+            raise NoSuchCycleError(self._lost_family_error(target))
         return numpy.concatenate((rows, group))
 
-    def _solved(self, s: Array, rows: Array) -> Array:
+    def _solve_at(self, s: Array, rows: Array) -> Array:
         """Solve for the family's cycles at abscissas (n,), and return them as rows (k, 7) like
         those of the panels.
 
@@ -224,7 +224,7 @@ class Family:
         guess = self._guess(s, rows)
         x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):
-            solved = Solved(*self._solve(x, guess[0] * x, guess[1], guess[2]))
+            solved = SolvedCycles(*self._solve(x, guess[0] * x, guess[1], guess[2]))
             values = numpy.stack((solved.second / x, solved.flight_time, solved.omega))
             jumped = (numpy.abs(values - guess) > _MAX_JUMP * numpy.abs(guess)).any(axis=0)
             ratio_slope = (solved.second_slope - values[0]) / x
@@ -248,7 +248,7 @@ class Family:
         coefficients = numpy.linalg.lstsq(numpy.concatenate((powers, rates)), right, rcond=None)[0]
         return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
 
-    def _lost(self, s: float) -> str:
+    def _lost_family_error(self, s: float) -> str:
         name, first = self.section.names[0], self.coordinate(s)
         return f"the family of {self.section.name} limit cycles could not be followed to {name} = {first:.6g} rad"
 
@@ -362,19 +362,19 @@ class Family:
             rows.append(s)
         return numpy.stack(rows)
 
-    def places(self, omega: float) -> Iterator[Place]:
-        """Yield approximations (`Place`) of the family's cycles at a speed [rad/s], from the
+    def guesses(self, omega: float) -> Iterator[CycleGuess]:
+        """Yield approximations (`CycleGuess`) of the family's cycles at a speed [rad/s], from the
         smallest first coordinate on.
         """
         for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
             if math.isfinite(s):
-                yield self.place(float(s), piece)
+                yield self.guess(float(s), piece)
 
-    def place(self, s: float, piece: int = 0) -> Place:
-        """Return an approximation (`Place`) of the family's cycle at an abscissa on a piece."""
+    def guess(self, s: float, piece: int = 0) -> CycleGuess:
+        """Return an approximation (`CycleGuess`) of the family's cycle at an abscissa on a piece."""
         ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return Place((first, ratio * first), omega, piece, self.omega_falls[piece], flight)
+        return CycleGuess((first, ratio * first), omega, piece, self.omega_falls[piece], flight)
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
@@ -405,7 +405,7 @@ def _discontinuous_rows(new: Array, rows: Array) -> Any:
 
 
 # -------------------------------------------------------------------------------------- the solvers
-def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
+def batch_solver(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
     """Return a function that solves for many limit cycles of given first coordinates at once.
 
     It runs Newton's iteration on all flights together. The second coordinate, the flight time and
@@ -421,14 +421,14 @@ def in_batches(section: Section[Any], parameters: Parameters, lanes: BatchTaylor
 
 def _in_batches(
     section: Section[Any], constants: Array, lanes: BatchTaylor, *guess: Array
-) -> Solved:
+) -> SolvedCycles:
     *start, omega = guess
     cycles = shoot_batch(
         section, constants, omega, start, lanes, whole=False, tolerance=1e-8, free_omega=True
     )
     first, second = section.names
-    slope, flights = 1 / cycles[f"d{first}_domega"], section.per_period
-    return Solved(
+    slope, flights = 1 / cycles[f"d{first}_domega"], section.flights_per_period
+    return SolvedCycles(
         second=cycles[second],
         flight_time=cycles["period"] / flights,
         omega=cycles["omega"],
@@ -438,7 +438,7 @@ def _in_batches(
     )
 
 
-def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine) -> Solver:
+def sequential_solver(section: Section[Any], parameters: Parameters, engine: Engine) -> Solver:
     """Return a function that solves for limit cycles of given first coordinates, one after the
     other.
 
@@ -450,8 +450,8 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
         engine: The engine of the flights.
     """
 
-    def solve(first: Array, second: Array, flight: Array, omega: Array) -> Solved:
-        rows = numpy.full((len(first), len(Solved._fields)), numpy.nan)
+    def solve(first: Array, second: Array, flight: Array, omega: Array) -> SolvedCycles:
+        rows = numpy.full((len(first), len(SolvedCycles._fields)), numpy.nan)
         for index, (x, *guess) in enumerate(
             zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)
         ):
@@ -459,7 +459,7 @@ def one_at_a_time(section: Section[Any], parameters: Parameters, engine: Engine)
                 rows[index] = _solve_one_by_one(section, parameters, engine, x, *guess)
             except NoSuchCycleError:
                 break
-        return Solved(*rows.T)
+        return SolvedCycles(*rows.T)
 
     return solve
 
@@ -475,9 +475,13 @@ def _solve_one_by_one(
             raise NoSuchCycleError(f"{held} left the positive speeds")
         return float(abs(iterate.step[1] / second) + abs(iterate.step[2] / speed))
 
-    stop = Stop(10, NoSuchCycleError(f"{held} does not settle"), small=_SETTLED)
+    stop = StoppingRule(10, NoSuchCycleError(f"{held} does not settle"), small=_SETTLED)
     found = newton(
-        ReturnMap(section, parameters, omega, engine), (x, y), stop, size, held="coordinate"
+        ReturnMap(section, parameters, omega, engine),
+        (x, y),
+        stop,
+        size,
+        fixed_quantity="coordinate",
     )
     (_, second, speed), (_, second_slope, omega_slope, flight_slope) = (
         found.ahead,

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.newton import Stop
+from tippedisk_verify.cycles.newton import StoppingRule
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
@@ -178,7 +178,7 @@ def libration_folds(
         family = family or LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:
         raise AccuracyError(str(fault)) from None
-    starts = [(*place.start, place.omega) for place in map(family.place, family.folds)]
+    starts = [(*place.start, place.omega) for place in map(family.guess, family.folds)]
     if parameters.law.is_linear:
         small = _small_fold(parameters)
         if small is not None:  # near a small fold doubles only see their rounding
@@ -321,7 +321,7 @@ def _conditions(image: Image) -> tuple[Any, Any, Any]:
 
 
 def _fold_system(
-    mapped: Callable[[Sequence[Any]], Image], at: Sequence[Any], shifts: Sequence[Any]
+    mapped: Callable[[Sequence[Any]], Image], point: Sequence[Any], shifts: Sequence[Any]
 ) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
     """Return the conditions of a fold, which are zero there, and the matrix (3, 3) of their
     derivatives.
@@ -330,10 +330,10 @@ def _fold_system(
     the image. Those of the determinant are central differences, each over the unknown's entry of
     ``shifts``.
     """
-    image, by_determinant = mapped(at), []
+    image, by_determinant = mapped(point), []
     (a, b), (c, d) = image.matrix
     for axis, shift in enumerate(shifts):
-        moved = [[x + sign * shift * (k == axis) for k, x in enumerate(at)] for sign in (1, -1)]
+        moved = [[x + sign * shift * (k == axis) for k, x in enumerate(point)] for sign in (1, -1)]
         above, below = (_conditions(mapped(unknowns))[2] for unknowns in moved)
         by_determinant.append((above - below) / (2 * shift))
     by_first, by_second = image.by_omega
@@ -349,7 +349,7 @@ def _mapped(
 def fold_near(
     section: Section[Any],
     parameters: Parameters,
-    at: Sequence[Any],
+    point: Sequence[Any],
     engine: Engine,
     precision: Precision = DOUBLE,
 ) -> tuple[tuple[float, float, float], Any]:
@@ -358,7 +358,7 @@ def fold_near(
     Args:
         section: The section of the kind of cycle.
         parameters: The disk and its friction law.
-        at: Both coordinates on the section and Omega [rad/s].
+        point: Both coordinates on the section and Omega [rad/s].
         engine: The engine of the flights.
         precision: The arithmetic of the computation.
 
@@ -370,27 +370,27 @@ def fold_near(
         AccuracyError: If the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
-    stop = Stop(20, lost, small=1e-13 * min(1.0, abs(float(at[0]))), near=1e-9)
-    at, mapped = (
-        [precision.number(float(x)) for x in at],
+    stop = StoppingRule(20, lost, small=1e-13 * min(1.0, abs(float(point[0]))), near=1e-9)
+    point, mapped = (
+        [precision.number(float(x)) for x in point],
         _mapped(section, parameters, engine, precision),
     )
     share = _DIFFERENCE_STEP if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
         # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss
         # it.
-        near_saddle = section.saddle_scale([float(x) for x in at])
+        near_saddle = section.saddle_scale([float(x) for x in point])
         scales = (
             min(1.0, abs(float(x)), near_saddle**power)
-            for x, power in zip(at, (1, 1, 2), strict=True)
+            for x, power in zip(point, (1, 1, 2), strict=True)
         )
         shifts = [precision.number(share * scale) for scale in scales]
-        conditions, rows = _fold_system(mapped, at, shifts)
+        conditions, rows = _fold_system(mapped, point, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
-        at = [x - precision.number(float(change)) for x, change in zip(at, step, strict=True)]
+        point = [x - precision.number(float(change)) for x, change in zip(point, step, strict=True)]
         if stop.converged(float(numpy.abs(step).max())):
-            return (float(at[0]), float(at[1]), float(at[2])), jacobian
+            return (float(point[0]), float(point[1]), float(point[2])), jacobian
 
 
 def _numbers(
@@ -414,7 +414,7 @@ def _numbers(
     lost = AccuracyError(
         f"the iteration for the fold has not converged in {precision.name} precision"
     )
-    stop = Stop(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    stop = StoppingRule(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
@@ -427,9 +427,9 @@ def _numbers(
     (a, b), _ = image.matrix
     return {
         "omega": at[2],
-        "period": section.per_period * image.time,
+        "period": section.flights_per_period * image.time,
         **dict(zip(section.names, at, strict=False)),
-        **return_map.measures(flight),
+        **return_map.event_quantities(flight),
         "null_vector": (1 - a) / b,
-        "log_multiplier_fast": section.per_period * flight.divergence,
+        "log_multiplier_fast": section.flights_per_period * flight.divergence,
     }

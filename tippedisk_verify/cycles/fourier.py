@@ -38,7 +38,7 @@ from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
 
-__all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resampled", "samples_for", "sizes"]
+__all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resample", "samples_for", "sizes"]
 
 MAX_SAMPLES = 2048  #: the largest number of samples of a collocation
 
@@ -67,7 +67,7 @@ class CycleKind(Enum):
     ROTATING = 2
 
     @property
-    def turns(self) -> int:
+    def rotations(self) -> int:
         """The growth of gamma in a period of such a cycle, in units of 2 pi."""
         return self.value - 1
 
@@ -77,7 +77,7 @@ class CycleKind(Enum):
 
         It is even for half a period, odd for a whole one.
         """
-        return 2 * math.ceil(count / 2) + self.turns
+        return 2 * math.ceil(count / 2) + self.rotations
 
 
 class Collocation:
@@ -105,10 +105,10 @@ class Collocation:
         self._ops = shifted(functions)
         self.slope, integral = _operators(kind, count, None if ctx is None else ctx.prec)
         # gamma_bar is 0 at a rotating cycle's first sample, and has mean 0 on a librating cycle.
-        self.integral = integral - kind.turns * integral[0]
-        #: gamma's steady growth
-        self._growth = kind.turns * 2 * self.pi * numpy.arange(count) / count
-        self._weights = numpy.ones(count) if kind.turns else numpy.eye(1, count)[0]
+        self.integral = integral - kind.rotations * integral[0]
+        # gamma's steady growth
+        self._growth = kind.rotations * 2 * self.pi * numpy.arange(count) / count
+        self._weights = numpy.ones(count) if kind.rotations else numpy.eye(1, count)[0]
 
     @property
     def double(self) -> Collocation:
@@ -169,7 +169,7 @@ class Collocation:
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
         rate = field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[2]
-        closing = omega * self._mean(self.sin(beta)) - self.kind.turns * frequency
+        closing = omega * self._mean(self.sin(beta)) - self.kind.rotations * frequency
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
     def slopes(self, point: Any) -> tuple[Any, Any, Any]:
@@ -207,7 +207,9 @@ class Collocation:
         acceleration = self.differentiated(
             frequency * rate + change[-1] * frequency * self.differentiated(beta)
         )
-        closing = omega * self._mean(self.cos(beta) * change[:-1]) - self.kind.turns * change[-1]
+        closing = (
+            omega * self._mean(self.cos(beta) * change[:-1]) - self.kind.rotations * change[-1]
+        )
         return numpy.append(
             acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing
         )
@@ -233,7 +235,7 @@ class Collocation:
             -stepped(beta, gamma, v)[2].imag / _COMPLEX_STEP - by_gamma * swing / omega
         )
         rows[n, :n] = omega * numpy.cos(beta) * self._weights / self._weights.sum()
-        rows[n, n:] = -self.kind.turns, self._mean(numpy.sin(beta))
+        rows[n, n:] = -self.kind.rotations, self._mean(numpy.sin(beta))
         return rows
 
 
@@ -279,7 +281,7 @@ def _spectrum(kind: CycleKind, beta: Any) -> Any:
     return numpy.fft.rfft(beta if kind is CycleKind.ROTATING else numpy.concatenate((beta, -beta)))
 
 
-def resampled(kind: CycleKind, point: Any, count: int) -> Any:
+def resample(kind: CycleKind, point: Any, count: int) -> Any:
     """Interpolate a collocation point to another number of samples, by its trigonometric
     polynomial.
 

@@ -4,7 +4,7 @@
   number of digits.
 - *limit-cycles* follows the limit cycles to infinite period. It shares only the integrator with
   *manifolds*.
-- *bisection* looks at the side that the unstable branch takes, in double.
+- *bisection* looks at the side that the unstable manifold takes, in double.
 - *scipy* does the same with another integrator.
 """
 
@@ -17,10 +17,10 @@ from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heterocli
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero, unmeasured_zero
 from tippedisk_verify.cycles.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.baseline import Baseline
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.flow.scipy_engine import ScipyEngine
+from tippedisk_verify.model.exact import short_text
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 
@@ -31,7 +31,7 @@ OMEGA_H_METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
 _DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def heteroclinic(
     parameters: Parameters,
     engine: Engine,
@@ -55,7 +55,9 @@ def heteroclinic(
         AccuracyError: If the digits are not reached.
     """
     if method not in OMEGA_H_METHODS:
-        raise InputError(f"method '{shown(method)}' is not known: use {', '.join(OMEGA_H_METHODS)}")
+        raise InputError(
+            f"method '{short_text(method)}' is not known: use {', '.join(OMEGA_H_METHODS)}"
+        )
     digits, zero = checked_digits(digits), None
     if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
         raise InputError(
@@ -74,6 +76,6 @@ def heteroclinic(
         omega_h = limit_of_cycles(parameters, engine, digits)
     else:
         omega_h = bisect_omega_h(
-            parameters, Baseline("DOP853") if method == "scipy" else engine
+            parameters, ScipyEngine("DOP853") if method == "scipy" else engine
         ).omega_h
     return heteroclinic_at(parameters, omega_h, digits, method=method, engine=engine, zero=zero)

@@ -50,14 +50,14 @@ NODE_TWINS = 8
 #: have the same risk, but half-widths a quarter wider that scatter more.
 NODE_TWIN_FACTOR = 2.5
 _ROUNDING_SPACING = 4  # the spacing, in nodes, of those where rounding is measured
-#: The share of the constants that a twin moves up; as many move down. Each then errs by half a
-#: place, as by rounding.
+# The share of the constants that a twin moves up; as many move down. Each then errs by half a
+# place, as by rounding.
 _MOVED_SHARE = 1 / 8
 # The move of a start, relative to the distance from the nearer end. Newton's iteration then ends
 # after one step.
 _START_SHIFT = 1e-5
-#: A factor for the error of the derivative with respect to the start. The start's effect is linear
-#: but for parts of 1e-5.
+# A factor for the error of the derivative with respect to the start. The start's effect is linear
+# but for parts of 1e-5.
 _START_SLOPE_FACTOR = 2
 # The order of the pole at a fold of a derivative with respect to Omega: an error of Omega counts as
 # 1 / (dOmega/dx)^3.
@@ -94,8 +94,8 @@ class FamilyInterpolant:
             raise NoSuchCycleError(
                 f"the family of {self._section.name} cycles could not be followed"
             )
-        #: The numbers that are taken before the last Newton step. (The fast multiplier's logarithm
-        #: moves with the slow one's: their sum does not come from derivatives.)
+        # The numbers that are taken before the last Newton step. (The fast multiplier's logarithm
+        # moves with the slow one's: their sum does not come from derivatives.)
         self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
         self._measured = (*number_names(self._section), "log_multipliers")

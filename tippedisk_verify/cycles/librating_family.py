@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy
 
-from tippedisk_verify.cycles.family import Family, Place, Solver, one_at_a_time
+from tippedisk_verify.cycles.family import CycleGuess, Family, Solver, sequential_solver
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -65,12 +65,12 @@ class LibratingFamily(Family):
             0.0,
             0.0,
         )
-        solve = solve or one_at_a_time(LIBRATING, parameters, engine)
+        solve = solve or sequential_solver(LIBRATING, parameters, engine)
         super().__init__(parameters, engine, solve, _NODES, 0.0, math.pi, begin)
         while not len(self._panels) or (self._left > closest and len(self._panels) < _MAX_PANELS):
             self.extend()
         if not self._left < math.inf:
-            raise NoSuchCycleError(self._lost(self.nodes[-1, 0]))
+            raise NoSuchCycleError(self._lost_family_error(self.nodes[-1, 0]))
         first, last = map(float, self.nodes[[0, -1], 3])
         self.gaps = (first, self.omega_crit), (last, 2 * self.limit - last)
 
@@ -95,9 +95,9 @@ class LibratingFamily(Family):
         """
         return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
 
-    def newborn(self, distance: float) -> Place:
-        """Return the approximate cycle (`Place`) at a distance from the Hopf point, nearer than the
-        first node.
+    def newborn(self, distance: float) -> CycleGuess:
+        """Return the approximate cycle (`CycleGuess`) at a distance from the Hopf point, nearer
+        than the first node.
 
         Next to the Hopf point the distance goes like a power of the amplitude: the second, or the
         fourth at a degenerate Hopf point. The first node has that power and its factor.
@@ -107,7 +107,7 @@ class LibratingFamily(Family):
         """
         s, _, _, omega, _, _, slope = self.nodes[0].tolist()
         away = self.omega_crit - omega
-        return self.place(s * (distance / abs(away)) ** (-away / (s * slope)))
+        return self.guess(s * (distance / abs(away)) ** (-away / (s * slope)))
 
     @cached_property
     def connected(self) -> bool:
@@ -124,7 +124,7 @@ class LibratingFamily(Family):
 
         If the family is not `connected`, the last one is the amplitude pi.
         """
-        turns = (("a fold", self.place(s).omega) for s in self.folds)
+        turns = (("a fold", self.guess(s).omega) for s in self.folds)
         return (
             ("Omega_crit", self.omega_crit),
             *turns,

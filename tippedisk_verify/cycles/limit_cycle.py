@@ -20,14 +20,14 @@ from tippedisk_verify.flow.contract import (
     Request,
     raise_unless_usable,
 )
-from tippedisk_verify.model.arrays import doubles, numbers
-from tippedisk_verify.model.exact import shown, whole
+from tippedisk_verify.model.arrays import round_to_doubles, to_double_array
+from tippedisk_verify.model.exact import integer_between, short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.model.result_format import saved_numbers, write_saved
 from tippedisk_verify.model.results import Printable, quantities, quantity
-from tippedisk_verify.progress import shown_share
+from tippedisk_verify.progress import show_share
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.monodromy import FloquetVectors, Monodromy
@@ -82,8 +82,8 @@ class Cycle(Printable):
     parameters: Parameters  #: the disk, with the friction law
     engine: str  #: the engine that computed it
     precision: str  #: the arithmetic of its numbers
-    #: the monodromy matrix at the start of the orbit and its half-widths, if a method has them
-    #: without a flight
+    # the monodromy matrix at the start of the orbit and its half-widths, if a method has them
+    # without a flight
     _start_matrix: Callable[[], tuple[Any, Any]] | None = field(
         default=None, kw_only=True, compare=False
     )
@@ -115,7 +115,7 @@ class Cycle(Printable):
         """
         from tippedisk_verify.cycles.monodromy import monodromy_of
 
-        with shown_share("monodromy matrix"):
+        with show_share("monodromy matrix"):
             return monodromy_of(self)
 
     @cached_property
@@ -165,8 +165,8 @@ class Cycle(Printable):
             InputError: If ``count`` is not such a number, or the engine has no continuous output.
             ArithmeticError: If the engine gives up.
         """
-        if whole(count, 2, _MAX_POINTS) is None:
-            raise InputError(f"an orbit has 2 to {_MAX_POINTS} points, not {shown(count)}")
+        if integer_between(count, 2, _MAX_POINTS) is None:
+            raise InputError(f"an orbit has 2 to {_MAX_POINTS} points, not {short_text(count)}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
         if self.symmetric:
@@ -191,7 +191,7 @@ class Cycle(Printable):
             InputError: If a time is not a finite number.
             ArithmeticError: If the engine gives up.
         """
-        times = numbers(t)
+        times = to_double_array(t)
         if not numpy.isfinite(times).all():
             raise InputError("a time on a cycle is a finite number")
         period = float(self.period)
@@ -211,7 +211,9 @@ class Cycle(Printable):
         flight = float(self.period) / laps
         lap = numpy.minimum(times // flight, laps - 1)
         dense = self._flown(self.period.value / laps, engine)
-        states = doubles(dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52)))).T
+        states = round_to_doubles(
+            dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52)))
+        ).T
         if self.symmetric:
             states[:, lap == 1] *= -1
         return states

@@ -22,7 +22,7 @@ from tippedisk_verify.cycles.cycles_by_whole_flights import (
     cycle_near_omega_h,
 )
 from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
-from tippedisk_verify.cycles.family import Place
+from tippedisk_verify.cycles.family import CycleGuess
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.newton import FixedPoint
@@ -65,7 +65,7 @@ class Location(Generic[C]):
     parameters: Parameters
     engine: Engine
     omega: Fraction  #: [rad/s]
-    starts: tuple[Place, ...]  #: the starts, in the order of their pieces
+    starts: tuple[CycleGuess, ...]  #: the starts, in the order of their pieces
     refusal: str = ""  #: the message if there is no start
     #: [rad/s], to digits that show the side, if a start has no guess
     omega_h: Fraction | None = None
@@ -86,7 +86,7 @@ class Location(Generic[C]):
             raise NoSuchCycleError(self.refusal)
         return [self.cycle(start, digits, half_widths=half_widths) for start in self.starts]
 
-    def cycle(self, start: Place, digits: int = 12, *, half_widths: bool = True) -> C:
+    def cycle(self, start: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
         """Compute the limit cycle to which one of the starts leads, to ``digits`` digits.
 
         Args:
@@ -225,7 +225,7 @@ class Locator:
                     return self._next_to_omega_h(location, 0, above=self.connection_attracts)
             return location
         family = self.librating_family
-        starts = list(family.places(float(omega)))
+        starts = list(family.guesses(float(omega)))
         if not any(start.piece == 0 for start in starts):
             starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
         refusal = _no_libration(family, float(omega))
@@ -257,10 +257,10 @@ class Locator:
         """
         family, speed = self.rotating_family, float(omega)
         too_close = stable is not False and abs(omega - family.omega_h) < MIN_SHOOTING_DISTANCE
-        starts, refusal = list[Place](), ""
+        starts, refusal = list[CycleGuess](), ""
         if not too_close or stable is None:
             try:
-                starts.extend(family.followed_places(speed, stable=False if too_close else stable))
+                starts.extend(family.followed_guesses(speed, stable=False if too_close else stable))
                 refusal = _no_rotation(family, omega, stable)
             except NoSuchCycleError as fault:
                 refusal = str(fault)
@@ -285,7 +285,7 @@ class Locator:
         starts = [start for start in location.starts if start.piece != piece]
         refusal = location.refusal
         if (omega > omega_h) is above:
-            starts.insert(piece, Place.next_to_omega_h(omega, piece))
+            starts.insert(piece, CycleGuess.next_to_omega_h(omega, piece))
         else:
             kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
@@ -295,7 +295,7 @@ class Locator:
         return replace(location, starts=tuple(starts), refusal=refusal, omega_h=omega_h)
 
 
-def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[Place]:
+def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
     """Return a start for the limit cycle between the Hopf point and the family's first node, in a
     list.
 

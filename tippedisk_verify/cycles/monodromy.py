@@ -15,7 +15,7 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, raise_unless_usable
-from tippedisk_verify.model.arrays import doubles, numpy_safe
+from tippedisk_verify.model.arrays import numpy_safe, round_to_doubles
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.precision import DOUBLE, bits
@@ -277,8 +277,12 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         )
         others += [over_a_period(moved, values) for moved in states]
     assert whole.error is not None
-    by_moving = sum(doubles(abs(other.derivatives - whole.derivatives)) for other in others)
-    width = doubles(whole.error.variations) * (1 + HALF_WIDTH_FACTOR * len(others) / _MOVE_FACTOR)
+    by_moving = sum(
+        round_to_doubles(abs(other.derivatives - whole.derivatives)) for other in others
+    )
+    width = round_to_doubles(whole.error.variations) * (
+        1 + HALF_WIDTH_FACTOR * len(others) / _MOVE_FACTOR
+    )
     return Monodromy(
         cycle,
         time,

@@ -1,6 +1,6 @@
 """Newton's iteration for a cycle as a fixed point of a section's return map.
 
-Each caller brings its limits, the largest number of steps and the size at the end (`Stop`).
+Each caller brings its limits, the largest number of steps and the size at the end (`StoppingRule`).
 
 `return_map` has the steps. This module has the loop. It may be damped, and it takes its derivatives
 at each point or from a chord.
@@ -18,7 +18,7 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.return_map import FixedQuantity, Image, ReturnMap
 from tippedisk_verify.errors import NoSuchCycleError
 
-__all__ = ["FixedPoint", "Stop", "newton", "section_size"]
+__all__ = ["FixedPoint", "StoppingRule", "newton", "section_size"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -31,7 +31,7 @@ _ROUNDING_RESIDUAL = 1e-10
 _EQUILIBRIUM_SIZE = 0.2
 
 
-class Stop:
+class StoppingRule:
     """The stopping rule of a Newton or chord iteration.
 
     The caller measures the size of a residual or of a step. The iteration has converged when a size
@@ -100,10 +100,10 @@ class Iterate(FixedPoint[C]):
 def newton(
     return_map: ReturnMap[C],
     point: Sequence[Any],
-    stop: Stop,
+    stop: StoppingRule,
     size: Callable[[Iterate[C]], Any],
     *,
-    held: FixedQuantity = "speed",
+    fixed_quantity: FixedQuantity = "speed",
     time: Any = None,
     chord: Image | None = None,
     damped: bool = False,
@@ -116,7 +116,8 @@ def newton(
         point: Both coordinates of the start on the section, in the map's arithmetic.
         stop: The stopping rule.
         size: Returns the size that the stopping rule looks at.
-        held: The quantity held at its value at the start; the flight time is held at ``time``.
+        fixed_quantity: The quantity held at its value at the start; the flight time is held at
+            ``time``.
         time: The flight time wanted [s], if that is held.
         chord: An image whose derivatives serve at all points, so that flights need no variational
             equations.
@@ -138,18 +139,22 @@ def newton(
         else:
             image = chord._replace(residual=own_map.residual(flight.state, point))
         try:
-            step = image.newton_step(held, 0 if time is None else time - image.time)
+            step = image.newton_step(fixed_quantity, 0 if time is None else time - image.time)
         except ZeroDivisionError:
-            raise NoSuchCycleError(f"the iteration at fixed {held} met a singular matrix") from None
+            raise NoSuchCycleError(
+                f"the iteration at fixed {fixed_quantity} met a singular matrix"
+            ) from None
         return Iterate(own_map, point, image, step=step)
 
     iterate, scale = at(return_map, (point[0], point[1])), section_size(point)
     while not stop.converged(size(iterate)):
         if damped:
-            iterate = _damped(iterate, at, scale)
+            iterate = _damped_point(iterate, at, scale)
         else:
             x, y, omega = iterate.ahead
-            iterate = at(return_map if held == "speed" else return_map.at_speed(omega), (x, y))
+            iterate = at(
+                return_map if fixed_quantity == "speed" else return_map.at_speed(omega), (x, y)
+            )
     return Iterate(
         iterate.return_map,
         iterate.point,
@@ -159,7 +164,7 @@ def newton(
     )
 
 
-def _damped(
+def _damped_point(
     iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float
 ) -> Iterate[C]:
     """Return the first point along a Newton step whose residual is smaller, or is rounding.

@@ -23,7 +23,7 @@ from typing import Any
 
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.newton import Iterate, Stop, newton
+from tippedisk_verify.cycles.newton import Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
@@ -109,7 +109,7 @@ def cycle_at_half_period(
 
     # By quadratic convergence the cycle is then right to twice as many digits, and its slopes to as
     # many.
-    stop = Stop(
+    stop = StoppingRule(
         _MAX_STEPS,
         NoSuchCycleError(
             f"the iteration at fixed period has not converged after {_MAX_STEPS} steps"
@@ -118,7 +118,7 @@ def cycle_at_half_period(
         near=1e-3,
     )
     return_map = ReturnMap(LIBRATING, parameters, omega, engine, precision)
-    found = newton(return_map, (gamma_bar, v), stop, size, held="time", time=duration)
+    found = newton(return_map, (gamma_bar, v), stop, size, fixed_quantity="time", time=duration)
     return PeriodPoint(duration, *found.ahead, found.image.slopes("time")[:3], found.residuals)
 
 
@@ -264,7 +264,7 @@ class PeriodContinuation:
         self.parameters, self.engine = parameters, engine
         family = LibratingFamily(parameters, engine, closest=_FOLD_DISTANCE)
         refuse_focus(parameters, Fraction(family.limit))
-        place = family.place(float(family.nodes[-1, 0]))
+        place = family.guess(float(family.nodes[-1, 0]))
         growth = float(
             equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re
         )
@@ -313,13 +313,13 @@ class PeriodContinuation:
         return rows
 
     @property
-    def above(self) -> Fraction:
+    def distance(self) -> Fraction:
         """The distance Omega - Omega_h [rad/s] of the last cycle found, negative if cycles lie
         below Omega_h.
         """
         return fraction(self.latest.omega) - self.asymptotics.omega_h
 
-    def further(self, least: Fraction) -> None:
+    def extend_towards(self, least: Fraction) -> None:
         """Compute one more cycle of the family, as much closer to Omega_h as the law predicts
         reliably.
 
@@ -332,9 +332,9 @@ class PeriodContinuation:
         # The prediction is off by about the last change of the limit. A cycle at a hundred times
         # that distance from Omega_h is within reach.
         ahead = max(100 * self.change, least)
-        if not ahead < abs(self.above):
-            ahead = abs(self.above) / 4
-        above = ahead if self.above > 0 else -ahead
+        if not ahead < abs(self.distance):
+            ahead = abs(self.distance) / 4
+        above = ahead if self.distance > 0 else -ahead
         omega_h = self.asymptotics.omega_h
         precision = precision_near_omega_h(self.parameters, omega_h, ahead, 12)
         half_period = precision.number(self.asymptotics.half_period(above))
@@ -377,7 +377,7 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
     family = PeriodContinuation(parameters, engine)
     while True:
         omega_h = family.asymptotics.omega_h
-        family.further(omega_h / 10**digits)
+        family.extend_towards(omega_h / 10**digits)
         half_width = family.change * HALF_WIDTH_FACTOR
         if half_width <= omega_h / 10**digits:
             return Measured(omega_h, half_width)

@@ -35,7 +35,7 @@ FixedQuantity = Literal["speed", "coordinate", "time"]
 
 _MAX_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
 # The order of the power series of a saddle's branch. Flights start 2^(-bits / 6) from the saddle.
-_BRANCH_ORDER = 7
+_MANIFOLD_ORDER = 7
 _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a turn apart
 
 
@@ -52,12 +52,14 @@ class Image(NamedTuple):
     time_by_omega: Any
     flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
-    def newton_step(self, held: FixedQuantity = "speed", lacking: Any = 0) -> tuple[Any, Any, Any]:
+    def newton_step(
+        self, fixed_quantity: FixedQuantity = "speed", lacking: Any = 0
+    ) -> tuple[Any, Any, Any]:
         """Return the Newton step of both coordinates and Omega after which the point is a fixed
         point, to first order.
 
         Args:
-            held: The quantity that the step holds fixed.
+            fixed_quantity: The quantity that the step holds fixed.
             lacking: The change required of that quantity; 0 keeps it fixed.
 
         Returns:
@@ -66,7 +68,7 @@ class Image(NamedTuple):
         Raises:
             ZeroDivisionError: If the equations are singular.
         """
-        (first, second), third = self._rows, self._held_row(held)
+        (first, second), third = self._rows, self._held_row(fixed_quantity)
         along = _cross(first, second)
         determinant = _product(third, along)
         if determinant == 0:
@@ -76,21 +78,21 @@ class Image(NamedTuple):
         x, y, omega = ((lacking * r - a * p - b * q) / determinant for p, q, r in columns)
         return x, y, omega
 
-    def slopes(self, held: FixedQuantity) -> tuple[Any, Any, Any, Any]:
+    def slopes(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any, Any]:
         """Return derivatives along the curve on which the residual keeps its value, with respect to
         the quantity that is held.
 
         At a fixed point this is the family of limit cycles.
 
         Args:
-            held: The quantity with respect to which to differentiate.
+            fixed_quantity: The quantity with respect to which to differentiate.
 
         Returns:
             The derivatives of the first coordinate, the second coordinate, Omega and the flight
             time.
         """
         along = _cross(*self._rows)
-        rate = _product(self._held_row(held), along)
+        rate = _product(self._held_row(fixed_quantity), along)
         first, second, omega = (component / rate for component in along)
         return first, second, omega, _product(self._held_row("time"), (first, second, omega))
 
@@ -102,13 +104,13 @@ class Image(NamedTuple):
         (a, b), (c, d) = self.matrix
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
-    def _held_row(self, held: FixedQuantity) -> tuple[Any, Any, Any]:
+    def _held_row(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any]:
         """Return the derivatives of the quantity that a Newton step holds, with respect to both
         coordinates and Omega.
         """
-        if held == "time":
+        if fixed_quantity == "time":
             return (*self.time_by_state, self.time_by_omega)
-        return (1, 0, 0) if held == "coordinate" else (0, 0, 1)
+        return (1, 0, 0) if fixed_quantity == "coordinate" else (0, 0, 1)
 
 
 class ReturnMap(Generic[C]):
@@ -140,7 +142,7 @@ class ReturnMap(Generic[C]):
         self._rates = field(
             shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction
         )
-        self._growth = precision.number(0) + 2 * section.turns * precision.pi
+        self._growth = precision.number(0) + 2 * section.rotations * precision.pi
         # The start lies past the section by far less than rounding. If the section's function were
         # zero to the last bit there, heyoka would see no other crossing in its first step. (With
         # the fourth power MPFR's numbers would lose memory.)
@@ -166,7 +168,7 @@ class ReturnMap(Generic[C]):
             variations: If True, solve the variational equations, for `image`.
 
         Returns:
-            The flight. Without variations it has the section's `recorded` events and the integral
+            The flight. Without variations it has the section's `recorded_events` and the integral
             of the divergence.
 
         Raises:
@@ -174,7 +176,7 @@ class ReturnMap(Generic[C]):
         """
         section, state = self.section, self._state(point)
         if variations not in self._requests:
-            recorded = () if variations else section.recorded
+            recorded = () if variations else section.recorded_events
             needs = {"variations": VARIATIONS} if variations else {"divergence": True}
             self._requests[variations] = self._request(
                 state, events=(section.end_event, *recorded), **needs
@@ -247,11 +249,11 @@ class ReturnMap(Generic[C]):
         (a, b), image = self.section.free, self.section.symmetry_sign
         return image * end[a] - point[0], image * end[b] - point[1]
 
-    def measures(self, flight: Result) -> dict[str, Any]:
+    def event_quantities(self, flight: Result) -> dict[str, Any]:
         """Return further numbers of a limit cycle by name, such as the largest lean, from a flight
-        with its ``recorded`` events.
+        with its ``recorded_events`` events.
         """
-        return self.section.measured(
+        return self.section.quantities_at_events(
             ((event.name, event.state) for event in flight.events), abs(0 * flight.time)
         )
 
@@ -272,8 +274,8 @@ class ReturnMap(Generic[C]):
         along = sum(a * b for a, b in zip(moved, rates, strict=True))
         return self.section.symmetry_sign * along / sum(rate * rate for rate in rates)
 
-    def end_of_branch(self) -> tuple[Any, Any]:
-        """Return the coordinates at which a saddle's unstable branch meets the section.
+    def end_of_unstable_manifold(self) -> tuple[Any, Any]:
+        """Return the coordinates at which a saddle's unstable manifold meets the section.
 
         The branch starts on its power series, so close to the saddle that truncation is below
         rounding.
@@ -284,22 +286,24 @@ class ReturnMap(Generic[C]):
         from tippedisk_verify.theory.saddle_manifolds import Saddle
 
         saddle = Saddle(
-            self.parameters, fraction(self.omega), self.precision.bits + 16, _BRANCH_ORDER
+            self.parameters, fraction(self.omega), self.precision.bits + 16, _MANIFOLD_ORDER
         )
         # A flight from the librating section starts next to the saddle at gamma_bar = pi: the
         # other's image.
-        state = saddle.start_on_branch(
+        state = saddle.start_on_unstable_manifold(
             Fraction(1, 1 << (self.precision.bits // 6)), self.section.symmetry_sign
         )
         # The request is built like those of the cycle's own flights.
         result = self.engine(
             self._request(
-                state, divergence=True, events=(self.section.end_event, *self.section.recorded)
+                state,
+                divergence=True,
+                events=(self.section.end_event, *self.section.recorded_events),
             )
         )
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(
-                f"the saddle's unstable branch does not come to the section: {result.status.value}"
+                f"the saddle's unstable manifold does not come to the section: {result.status.value}"
             )
         return self.residual(result.state, (0, 0))
 

@@ -1,6 +1,6 @@
 """The family of rotating limit cycles, from the connection through its fold.
 
-Below Omega_h the unstable branch of the saddle goes over the top and leads to the stable rotating
+Below Omega_h the unstable manifold of the saddle goes over the top and leads to the stable rotating
 cycle. From there on the disk leans more and more at the top of its turn. beta_bar_top rises from
 its value at the connection towards pi/2, through the fold in Omega. Beyond the fold the cycles are
 unstable and lie at rising speeds. s goes over the whole line.
@@ -14,7 +14,7 @@ from fractions import Fraction
 
 import numpy
 
-from tippedisk_verify.cycles.family import Family, Place, Solver, one_at_a_time
+from tippedisk_verify.cycles.family import CycleGuess, Family, Solver, sequential_solver
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import ROTATING
 from tippedisk_verify.errors import NoSuchCycleError
@@ -51,14 +51,14 @@ class RotatingFamily(Family):
         self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None
     ) -> None:
         self.omega_h = omega_h
-        first, singly = omega_h * _FIRST_SPEED, one_at_a_time(ROTATING, parameters, engine)
+        first, singly = omega_h * _FIRST_SPEED, sequential_solver(ROTATING, parameters, engine)
         (lowest, _), (beta, v) = (
-            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_branch())
+            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_unstable_manifold())
             for omega in (omega_h, first)
         )
         if not lowest < beta:
             raise NoSuchCycleError(
-                "no rotating cycle found below Omega_h: the unstable branch leans less there"
+                "no rotating cycle found below Omega_h: the unstable manifold leans less there"
             )
         # The flight time is not an unknown where the engine meets the section.
         second, flight, omega, *slopes = (
@@ -103,8 +103,8 @@ class RotatingFamily(Family):
                 end = f"the family of rotating cycles ends near {self.nodes[-1, 3]:.6g} rad/s"
                 raise NoSuchCycleError(end) from None
 
-    def near_fold(self) -> Place:
-        """Return an approximation (`Place`) of the family's fold, where Omega is smallest.
+    def near_fold(self) -> CycleGuess:
+        """Return an approximation (`CycleGuess`) of the family's fold, where Omega is smallest.
 
         Raises:
             NoSuchCycleError: If the family has no fold.
@@ -114,9 +114,9 @@ class RotatingFamily(Family):
             raise NoSuchCycleError(
                 "the speeds of the rotating cycles rise from Omega_h on: they have no fold"
             )
-        return self.place(self.folds[0])
+        return self.guess(self.folds[0])
 
-    def followed_places(self, omega: float, *, stable: bool | None = None) -> Iterator[Place]:
+    def followed_guesses(self, omega: float, *, stable: bool | None = None) -> Iterator[CycleGuess]:
         """Yield approximations of the rotating cycles at a speed: the stable one before the fold,
         then the unstable one beyond it.
 
@@ -133,10 +133,10 @@ class RotatingFamily(Family):
             if side and self.nodes[0, 3] < omega < self.omega_h:
                 beta, v = ReturnMap(
                     ROTATING, self.parameters, Fraction(omega), self.engine
-                ).end_of_branch()
-                yield Place((float(beta), float(v)), omega, 0, self.omega_falls[0])
+                ).end_of_unstable_manifold()
+                yield CycleGuess((float(beta), float(v)), omega, 0, self.omega_falls[0])
                 continue
             self.reach(0.0 if side else omega)
             yield from (
-                place for place in self.places(omega) if self.omega_falls[place.piece] is side
+                place for place in self.guesses(omega) if self.omega_falls[place.piece] is side
             )

@@ -39,7 +39,7 @@ from tippedisk_verify.theory.saddle_chart import (
     ChartFamily,
     SaddleChart,
     angles,
-    solved,
+    solve_linear,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -218,7 +218,7 @@ class GlobalMap:
         )
         flight = self._engine(request)
         if flight.status is not Status.REACHED:
-            raise AccuracyError(f"the unstable branch: {flight.status.value}")
+            raise AccuracyError(f"the unstable manifold: {flight.status.value}")
         beta, gamma, v = flight.state
         point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
@@ -250,7 +250,7 @@ class GlobalMap:
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
         coefficients = numpy.zeros((count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
-        for (k, n), row in zip(powers, solved(matrix, values), strict=True):
+        for (k, n), row in zip(powers, solve_linear(matrix, values), strict=True):
             coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
         coefficients[0, 0, 0] = 0
         return coefficients
@@ -398,8 +398,8 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     ahead = first.chart.flow(slow, first.time)
     if first is not last:
         turned = first.image * last.image * first.chart.slopes(first.end)
-        over = solved(last.chart.slopes(last.start), turned)
-        fast = first.chart.flow(solved(over, fast[:, None])[:, 0], -first.time)
+        over = solve_linear(last.chart.slopes(last.start), turned)
+        fast = first.chart.flow(solve_linear(over, fast[:, None])[:, 0], -first.time)
         ahead = last.chart.flow(over @ ahead, last.time)
     exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
     rho = ahead[0] / exit_rates[0]
@@ -409,7 +409,7 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     )
     along = rho * (1 - multiplier) - kappa * time_by_sigma
     images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
-    return solved(basis.T, images.T).T
+    return solve_linear(basis.T, images.T).T
 
 
 def _until(

@@ -24,12 +24,12 @@ from tippedisk_verify.flow.contract import BETA_EXTREME, GAMMA_TOP, SECTION, Eve
 __all__ = [
     "BOTTOM",
     "EXTREME",
-    "GAMMA_TURN",
+    "FULL_ROTATION",
     "LIBRATING",
     "RETURNS",
     "ROTATING",
     "VARIATIONS",
-    "Measure",
+    "EventQuantity",
     "Section",
 ]
 
@@ -38,7 +38,7 @@ C = TypeVar("C", bound=Cycle)
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
 RETURNS = Event("returns", SECTION.function, direction=-1)
 #: gamma = pi/2 modulo 2 pi, passed upward: a turn of gamma is complete.
-GAMMA_TURN = Event("round", GAMMA_TOP.function, direction=-1)
+FULL_ROTATION = Event("round", GAMMA_TOP.function, direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
 BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
 #: beta is extreme.
@@ -48,7 +48,7 @@ EXTREME = Event("extreme", BETA_EXTREME.function, terminal=False)
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
 
 
-class Measure(NamedTuple):
+class EventQuantity(NamedTuple):
     """A further number of a limit cycle: a component of the state at an event of a flight, such as
     the largest lean.
     """
@@ -71,14 +71,14 @@ class Section(Generic[C]):
     result: type[C]  #: the class of the cycle through a fixed point of the return map
     crossing_sign: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
     end_event: Event  #: ends a flight
-    turns: int  #: the growth of the fixed component in a flight, in units of 2 pi
+    rotations: int  #: the growth of the fixed component in a flight, in units of 2 pi
     symmetry_sign: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
-    per_period: int  #: flights that make up a period of the cycle
+    flights_per_period: int  #: flights that make up a period of the cycle
     #: True for coordinates that a start may have, given as doubles; a mask (n,) for arrays (n,)
     possible: Callable[[Any, Any], Any]
     impossible: str  #: the message for a start with other coordinates
     no_return: str  #: the message for an orbit that does not come back
-    measures: tuple[Measure, ...]  #: the numbers that the events of a flight give
+    event_quantities: tuple[EventQuantity, ...]  #: the numbers that the events of a flight give
     #: the scale of the coordinates next to a saddle, at most 1; its square is the scale of the
     #: speed
     saddle_scale: Callable[[Any], float]
@@ -101,30 +101,30 @@ class Section(Generic[C]):
         return self.result.coordinates
 
     @property
-    def recorded(self) -> tuple[Event, ...]:
-        """The events that a flight must record so that `measured` can read the section's measures
-        from it.
+    def recorded_events(self) -> tuple[Event, ...]:
+        """The events that a flight must record so that `quantities_at_events` can read the
+        section's quantities from it.
         """
-        return tuple(dict.fromkeys(measure.event for measure in self.measures))
+        return tuple(dict.fromkeys(measure.event for measure in self.event_quantities))
 
     @property
     def growth(self) -> tuple[float, float]:
         """The amount by which the component that is zero on the section grows in a flight, and the
         rounding error of this double [rad].
         """
-        return self.turns * math.tau, self.turns * 2.4492935982947064e-16
+        return self.rotations * math.tau, self.rotations * 2.4492935982947064e-16
 
-    def measured(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
-        """Return the section's measures, further numbers of a cycle such as the largest lean, by
+    def quantities_at_events(self, events: Iterable[tuple[str, Any]], zero: Any) -> dict[str, Any]:
+        """Return the section's quantities, further numbers of a cycle such as the largest lean, by
         name, from the events of one flight.
 
         Args:
-            events: The (name, state) pairs of the ``recorded`` events of one flight.
+            events: The (name, state) pairs of the ``recorded_events`` events of one flight.
             zero: The zero of the arithmetic.
         """
-        numbers = dict.fromkeys((measure.name for measure in self.measures), zero)
+        numbers = dict.fromkeys((measure.name for measure in self.event_quantities), zero)
         for name, state in events:
-            for measure in self.measures:
+            for measure in self.event_quantities:
                 if measure.event.name == name:
                     value = state[measure.component]
                     numbers[measure.name] = (
@@ -133,7 +133,7 @@ class Section(Generic[C]):
         return numbers
 
 
-_BETA_MAX = Measure("beta_max", EXTREME, 0, largest=True)
+_BETA_MAX = EventQuantity("beta_max", EXTREME, 0, largest=True)
 
 #: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma'
 #: vanishes.
@@ -142,15 +142,15 @@ LIBRATING = Section(
     result=LimitCycle,
     crossing_sign=-1,
     end_event=RETURNS,
-    turns=0,
+    rotations=0,
     symmetry_sign=-1,
-    per_period=2,
+    flights_per_period=2,
     # gamma_bar rounds to the saddle's pi next to Omega_h, so pi itself is allowed.
     possible=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
     impossible="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the "
     "guess does not",
     no_return="the orbit does not return to beta = pi/2",
-    measures=(_BETA_MAX,),
+    event_quantities=(_BETA_MAX,),
     saddle_scale=lambda point: abs(1 - (point[0] / math.pi) ** 2),
 )
 #: gamma = pi/2 with a lean to one side, to the same place a turn of gamma later. The section lies
@@ -159,13 +159,17 @@ ROTATING = Section(
     name="rotating",
     result=RotatingCycle,
     crossing_sign=1,
-    end_event=GAMMA_TURN,
-    turns=1,
+    end_event=FULL_ROTATION,
+    rotations=1,
     symmetry_sign=1,
-    per_period=1,
+    flights_per_period=1,
     possible=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < 1.5707),
     impossible="a rotating cycle leans to one side, 0 < beta - pi/2 < pi/2: the guess does not",
     no_return="gamma does not come round: the orbit turns back, or has not passed the saddle",
-    measures=(_BETA_MAX, Measure("beta_bar_0", BOTTOM, 0), Measure("v_0", BOTTOM, 2)),
+    event_quantities=(
+        _BETA_MAX,
+        EventQuantity("beta_bar_0", BOTTOM, 0),
+        EventQuantity("v_0", BOTTOM, 2),
+    ),
     saddle_scale=lambda point: 1.0,
 )

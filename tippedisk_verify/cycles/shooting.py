@@ -16,13 +16,13 @@ from typing import TypeVar
 
 from tippedisk_verify.cycles.error_budget import cycle_in_precision, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
-from tippedisk_verify.cycles.newton import FixedPoint, Stop, newton, section_size
+from tippedisk_verify.cycles.newton import FixedPoint, StoppingRule, newton, section_size
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.one_harmonic_law import section_start
@@ -76,7 +76,7 @@ def shoot(
     scale = section_size(point)
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MAX_STEPS} steps")
     # The round-off of half a period is some hundred ulps of the state.
-    stop = Stop(_MAX_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
+    stop = StoppingRule(_MAX_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
     cycle = newton(
         return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True
     )
@@ -85,7 +85,7 @@ def shoot(
     return cycle
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def shoot_limit_cycle(
     parameters: Parameters,
     omega: object,

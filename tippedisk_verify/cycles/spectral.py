@@ -18,7 +18,7 @@ from tippedisk_verify.cycles.fourier import (
     MAX_SAMPLES,
     Collocation,
     CycleKind,
-    resampled,
+    resample,
     samples_for,
 )
 from tippedisk_verify.cycles.spectral_branch import (
@@ -34,17 +34,17 @@ from tippedisk_verify.cycles.spectral_branch import (
 )
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import fraction, shown, whole
+from tippedisk_verify.model.exact import fraction, integer_between, short_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = [
-    "BalancedCycle",
+    "SpectralCycle",
     "approximate_cycle",
-    "balanced_cycle",
+    "spectral_cycle",
     "spectral_fold",
     "spectral_rotation",
 ]
@@ -61,7 +61,7 @@ _SETTLED = 1e-9  # a step after which only rounding in double is left
 
 # --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
-class BalancedCycle(Printable):
+class SpectralCycle(Printable):
     """A librating limit cycle from spectral harmonic balance.
 
     Half-widths are from a balance of more harmonics.
@@ -77,10 +77,10 @@ class BalancedCycle(Printable):
     beta_max: Measured = field(metadata=quantity("largest abs(beta - pi/2) on the cycle", "rad"))
 
 
-@undisturbed()
-def balanced_cycle(
+@ignore_numpy_errors()
+def spectral_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
-) -> BalancedCycle:
+) -> SpectralCycle:
     """Return the librating limit cycle at a speed by harmonic balance, to ``digits`` significant
     digits of its period.
 
@@ -100,9 +100,9 @@ def balanced_cycle(
     """
     parameters.refuse_two_sides("harmonic balance is")
     speed = checked_speed(omega)
-    if harmonics is not None and whole(harmonics, 1, _MAX_HARMONICS) is None:
+    if harmonics is not None and integer_between(harmonics, 1, _MAX_HARMONICS) is None:
         raise InputError(
-            f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {shown(harmonics)}"
+            f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {short_text(harmonics)}"
         )
     digits = checked_digits(digits)
     start = branch_to(parameters, speed)
@@ -125,7 +125,7 @@ def balanced_cycle(
             raise not_converged_error(count)
         worst = max(number.uncertainty / abs(number.value) for number in result.values())
         if harmonics is not None or worst * 10**digits <= 1:
-            return BalancedCycle(speed, count // 2, **result)
+            return SpectralCycle(speed, count // 2, **result)
         if count >= MAX_SAMPLES:
             raise NoSuchCycleError(
                 f"the balance did not converge with {count // 2} harmonics: this close to Omega_h "
@@ -274,7 +274,7 @@ def spectral_fold(
 
     def numbers(a: Collocation) -> dict[str, Any]:
         n, double = a.count, a.double
-        fold = spectral_fold_near(double, resampled(kind, start, n))
+        fold = spectral_fold_near(double, resample(kind, start, n))
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
         largest = int(abs(fold[n + 2 :]).argmax())
@@ -343,7 +343,7 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     the iteration does not converge.
     """
     double, exact = a.double, a.number(speed)
-    point = solve_on_plane(double, resampled(a.kind, start, a.count))
+    point = solve_on_plane(double, resample(a.kind, start, a.count))
     if point is None:
         raise not_converged_error(a.count)
     unknowns = _chord(

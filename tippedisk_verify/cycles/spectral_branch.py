@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, CycleKind, resampled, sizes
+from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, CycleKind, resample, sizes
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
@@ -81,7 +81,7 @@ def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None
     """
     if normal is None:
         normal = numpy.eye(1, a.count + 2, a.count + 1)[0]
-    return _solved(
+    return _solve(
         a,
         start,
         lambda point: numpy.vstack((a.matrix(point), normal)),
@@ -89,7 +89,7 @@ def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None
     )
 
 
-def _solved(
+def _solve(
     a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
 ) -> Any | None:
     """Solve the collocation equations ``residual`` = 0 for a limit cycle by Newton's iteration,
@@ -139,7 +139,7 @@ def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
     null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
     largest = abs(null).argmax()
     unknowns = numpy.append(start, null / null[largest])
-    return _solved(
+    return _solve(
         a,
         unknowns,
         lambda fold: fold_system(a, fold, largest),
@@ -238,7 +238,7 @@ def _follow_branch(
     for _ in range(_MAX_STEPS):
         n = len(point) - 2
         a = Collocation(parameters, kind, n)
-        before = resampled(kind, before, n)
+        before = resample(kind, before, n)
         along = point - before
         # The plane across the branch, with frequency and speed in units of their own size, and
         # beta_bar by its mean square.
@@ -270,7 +270,7 @@ def _follow_branch(
 def _scaled_point(kind: CycleKind, point: Any, small: float) -> Any:
     harmonics = sizes(kind, point[:-2])
     if harmonics[-2:].max() > small * harmonics[0] and len(point) < MAX_SAMPLES // 4:
-        return resampled(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
+        return resample(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
     return point
 
 
@@ -333,7 +333,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
         lies_flat = abs(before[:-2]).max() > _FLAT_LEAN
         reason = "where the disk would lie flat" if lies_flat else "in ever longer periods"
         raise NoSuchCycleError(f"{nowhere}: the branch ends near {before[-1]:.5g} rad/s, {reason}")
-    before = resampled(CycleKind.LIBRATING, before, len(point) - 2)
+    before = resample(CycleKind.LIBRATING, before, len(point) - 2)
     share = (speed - before[-1]) / (point[-1] - before[-1])
     # At a fold, and at the Hopf point, the speed changes with the square of the way.
     share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turns else share

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from tippedisk_verify.audit.citations import cited
+from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import csv_text
 
-__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "drawn"]
+__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "draw_exhibit"]
 
 #: The header, with units in brackets, and the rows.
 CSV = tuple[Sequence[str], Sequence[Sequence[object]]]
@@ -49,7 +49,7 @@ class Exhibit:
         """The published numbers of the paper's figures that this figure redraws, followed by their
         labels.
         """
-        return f"{cited(self.labels)}, {self.labels}" if self.labels else ""
+        return f"{published_numbers(self.labels)}, {self.labels}" if self.labels else ""
 
 
 def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[object]]]) -> CSV:
@@ -62,7 +62,7 @@ def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[objec
     return ("curve", *header), [(name, *row) for name, rows in curves.items() for row in rows]
 
 
-def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
+def draw_exhibit(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:
     """Draw a figure of the report and return the result as plain data.
 
     Args:
@@ -91,19 +91,21 @@ def drawn(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, 
             "files": {},
             "embedded": {},
         }
-    from tippedisk_verify.figures.style import encoded, pyplot
+    from tippedisk_verify.figures.style import encode_figure, pyplot
 
     files: dict[str, bytes] = {}
     embedded: dict[str, dict[str, Any]] = {}
     for place, columns in {"wide": drawing.columns, "narrow": 1}.items():
         figure = drawing.figure(columns)
         if place == "wide":
-            files = {f"{exhibit.name}.{kind}": encoded(figure, kind) for kind in ("png", "svg")}
+            files = {
+                f"{exhibit.name}.{kind}": encode_figure(figure, kind) for kind in ("png", "svg")
+            }
         picture = files.get(f"{exhibit.name}.{drawing.embedded}") if place == "wide" else None
         width, height = figure.get_size_inches()
         embedded[place] = {
             "kind": _MEDIA[drawing.embedded],
-            "content": b64encode(picture or encoded(figure, drawing.embedded)).decode(),
+            "content": b64encode(picture or encode_figure(figure, drawing.embedded)).decode(),
             "width": round(96 * width),
             "height": round(96 * height),
         }

@@ -7,14 +7,14 @@ from collections.abc import Iterable
 from html import escape
 from typing import Any
 
-__all__ = ["formulas_drawn"]
+__all__ = ["draw_formulas"]
 
-#: The SVG command for each of Matplotlib's path codes, and the number of points that it takes.
+# The SVG command for each of Matplotlib's path codes, and the number of points that it takes.
 _COMMANDS = {1: ("M", 1), 2: ("L", 1), 3: ("Q", 2), 4: ("C", 3), 79: ("Z", 1)}
 _RELATIONS = ("=", "<", ">", r"\approx", r"\mapsto")
 
 
-def formulas_drawn(latex: Iterable[str]) -> dict[str, Any]:
+def draw_formulas(latex: Iterable[str]) -> dict[str, Any]:
     """Draw formulas as inline ``<svg>`` elements in the colour of the text.
 
     A formula is cut where a line may break, so that it wraps like text.

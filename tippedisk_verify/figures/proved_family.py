@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
 from tippedisk_verify.proofs.kernel.certificates.family import Piece
-from tippedisk_verify.proofs.search.family import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
 
 __all__ = ["draw_proved_family"]
 
@@ -25,11 +25,13 @@ def draw_proved_family(proof: FamilyProof) -> Any:
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(4, 2, (4.5, 3.4))
+    figure, axes = figure_with_axes(4, 2, (4.5, 3.4))
     crit = float(enclosed_omega_crit(proof.parameters).value)
     enclosure = proof.connection.omega_h if proof.connection is not None else None
     omega_h = math.nan if enclosure is None else float(enclosure.value)
-    for draw, axis in zip((_family, _widths, _hopf_end, _connection_end), axes, strict=True):
+    for draw, axis in zip(
+        (_draw_family, _draw_widths, _draw_hopf_end, _draw_connection_end), axes, strict=True
+    ):
         draw(axis, proof, crit, omega_h)
     return figure
 
@@ -52,7 +54,7 @@ def _arcs(proof: FamilyProof) -> list[tuple[Piece, str, Any, Any]]:
     return arcs
 
 
-def _family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
+def _draw_family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     for _, colour, a, omega in _arcs(proof):
         axis.plot(omega, a, color=colour, lw=2.2)
     if proof.end_closed and proof.end is not None:
@@ -84,7 +86,7 @@ def _family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     axis.ticklabel_format(useOffset=False)
 
 
-def _widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
+def _draw_widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     edges = [float(piece.low) for piece in proof.pieces] + [float(proof.pieces[-1].high)]
     for rows, style, manner in (
         ("unique_within", "-", "no other cycle within"),
@@ -111,7 +113,7 @@ def _widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     axis.legend(loc="lower left")
 
 
-def _hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
+def _draw_hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     for piece, colour, a, omega in _arcs(proof)[:2]:
         off = float(piece.unique_within[1])
         axis.fill_between(a, omega - off, omega + off, color=colour, alpha=0.3, lw=0)
@@ -129,7 +131,7 @@ def _hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> Non
     axis.set_title("The Hopf end: the first arc begins at 0; shaded, its tube")
 
 
-def _connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
+def _draw_connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     closed = "the set Q holds the rest" if proof.end_closed else "open"
     axis.set_title(f"The heteroclinic end: {closed}")
     near = [arc for arc in _arcs(proof) if math.pi - float(arc[0].high) < 0.8]

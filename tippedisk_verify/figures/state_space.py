@@ -10,7 +10,7 @@ from typing import Any
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.motion.scenes import SCENES, ComputedScene
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
@@ -19,11 +19,11 @@ from tippedisk_verify.theory.slow_manifold import slow_manifold
 __all__ = [
     "draw_scenes_2d",
     "draw_scenes_3d",
-    "last_turn",
+    "last_period",
     "orbits_within",
     "scene_tables",
-    "scenes_2d",
-    "scenes_3d",
+    "scenes_2d_exhibit",
+    "scenes_3d_exhibit",
 ]
 
 _ORBITS = (BLUE, ORANGE)
@@ -53,7 +53,7 @@ def orbits_within(panel: ComputedScene) -> list[Any]:
     return orbits
 
 
-def last_turn(panel: ComputedScene) -> Any:
+def last_period(panel: ComputedScene) -> Any:
     """Return one period of the limit cycle that orbits of a panel approach, from the end of the
     orbit that has settled best.
 
@@ -103,7 +103,7 @@ def _draw_panel(
     for states, colour in zip(orbits, _ORBITS, strict=False):
         draw(states, color=colour, lw=0.8, zorder=3)
         draw(states[:1], zorder=7, **_START)
-    cycle = last_turn(panel)
+    cycle = last_period(panel)
     if cycle is not None:
         draw(cycle, color=GREEN, lw=2.0, zorder=4)
     for turn in range(-3, 4):
@@ -142,17 +142,17 @@ def draw_scenes_2d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(len(panels), columns, (4.6, 2.9), below=0.6)
+    figure, axes = figure_with_axes(len(panels), columns, (4.6, 2.9), below=0.6)
     for panel, axis in zip(panels, axes, strict=True):
         _draw_panel(axis, panel, orbits_within(panel), 2)
         axis.set_xlim(0, math.pi)
         _angle_axis(axis.xaxis, 0, math.pi)
         axis.set_title(panel.scene.title)
-    _legend(figure, columns if len(panels) > 1 else 1)
+    _add_legend(figure, columns if len(panels) > 1 else 1)
     return figure
 
 
-def _legend(figure: Any, columns: int, surface: bool = False) -> None:
+def _add_legend(figure: Any, columns: int, surface: bool = False) -> None:
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -182,7 +182,7 @@ def draw_scenes_3d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(
+    figure, axes = figure_with_axes(
         len(panels), columns, (4.6, 3.4), below=0.7, projection="3d", computed_zorder=False
     )
     for panel, axis in zip(panels, axes, strict=True):
@@ -208,7 +208,7 @@ def draw_scenes_3d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
         # Near inverted spinning the manifold falls with gamma: its orbits are visible from here.
         axis.view_init(elev=30, azim=32)
         axis.set_box_aspect((1, 1.35, 0.8), zoom=1.02)
-    _legend(figure, columns if len(panels) > 1 else 1, surface=True)
+    _add_legend(figure, columns if len(panels) > 1 else 1, surface=True)
     # Before Matplotlib 3.11.2 the layout takes 3D ticks from the last drawing, so draw once first.
     layout = figure.get_layout_engine()
     figure.set_layout_engine("none")
@@ -277,7 +277,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[ComputedScene]:
     for scene in SCENES:
         if f"scene_{scene.name}" in examined:
             try:
-                panels.append(audit.panel(scene.name, audit.parameters.name))
+                panels.append(audit.computed_scene(scene.name, audit.parameters.name))
             except (AccuracyError, ArithmeticError, InputError) as fault:
                 reason = reason or str(fault)
     if not panels:
@@ -296,7 +296,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[ComputedScene]:
     "equilibria.",
     cost=4,
 )
-def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
+def scenes_3d_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the orbits of the paper's scenes in the space of beta, gamma and v."""
     panels = _panels(audit, examined)
     rate = -float(stiff_eigenvalue_estimate(audit.parameters))
@@ -322,7 +322,7 @@ def scenes_3d(audit: Audit, examined: Sequence[str]) -> Drawing:
     "around inverted "
     "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
 )
-def scenes_2d(audit: Audit, examined: Sequence[str]) -> Drawing:
+def scenes_2d_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the orbits of the paper's scenes in the plane of beta and gamma."""
     panels = _panels(audit, examined)
     orbits = {

@@ -18,13 +18,13 @@ __all__ = [
     "PURPLE",
     "RED",
     "SKY",
-    "encoded",
-    "grid",
+    "encode_figure",
+    "figure_with_axes",
     "pyplot",
     "save",
 ]
 
-# Okabe and Ito's palette: distinct for all colour vision, and of different lightness in grey.
+#: Okabe and Ito's palette: distinct for all colour vision, and of different lightness in grey.
 BLUE, SKY, ORANGE, GREEN, RED, PURPLE, BLACK = (
     "#0072B2",
     "#56B4E9",
@@ -69,7 +69,7 @@ def pyplot() -> Any:
     return plt
 
 
-def grid(
+def figure_with_axes(
     count: int, columns: int, size: tuple[float, float], below: float = 0.0, **subplot: Any
 ) -> tuple[Any, list[Any]]:
     """Make a figure with several axes.
@@ -94,7 +94,7 @@ def grid(
     ]
 
 
-def encoded(figure: Any, kind: str) -> bytes:
+def encode_figure(figure: Any, kind: str) -> bytes:
     """Return a figure as the bytes of an image file, and leave it open.
 
     Args:
@@ -137,7 +137,8 @@ def save(figure: Any, folder: Path, name: str) -> list[Path]:
         InputError: If a file cannot be written.
     """
     written = [
-        write_bytes(folder / f"{name}.{kind}", encoded(figure, kind)) for kind in ("png", "svg")
+        write_bytes(folder / f"{name}.{kind}", encode_figure(figure, kind))
+        for kind in ("png", "svg")
     ]
     pyplot().close(figure)
     return written

@@ -1,6 +1,6 @@
 """Integration of states: one `contract`, the Taylor engine and SciPy's integrators.
 
-`taylor` runs one motion at a time, `batch` many at once, and `baseline` wraps SciPy.
+`taylor` runs one motion at a time, `batch` many at once, and `scipy_engine` wraps SciPy.
 """
 
 from __future__ import annotations

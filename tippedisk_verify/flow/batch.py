@@ -23,16 +23,16 @@ from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
     SWITCH,
     TURN_OVER,
+    build_system,
     constants_of,
     direction_of,
     parameter_names,
-    system_of,
 )
-from tippedisk_verify.model.arrays import Array, numbers
+from tippedisk_verify.model.arrays import Array, to_double_array
 from tippedisk_verify.model.equations import shifted as _shifted
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
@@ -73,7 +73,7 @@ def field_constants(parameters: Parameters) -> Array:
 _MAX_LANES = 64  # eight times the widest registers; compile time grows with the number of lanes
 
 
-@undisturbed_methods
+@ignore_numpy_errors_in_methods
 class BatchTaylor:
     """The Taylor engine for many runs at once, which keeps what it has compiled.
 
@@ -88,7 +88,7 @@ class BatchTaylor:
 
     def __init__(self, width: int | None = None) -> None:
         if width is not None and not 1 <= width <= _MAX_LANES:
-            raise InputError(f"a batch has 1 to {_MAX_LANES} lanes, not {shown(width)}")
+            raise InputError(f"a batch has 1 to {_MAX_LANES} lanes, not {short_text(width)}")
         self.width = width or int(heyoka_module().recommended_simd_size())
         self._batches = CompiledRunners()
 
@@ -131,7 +131,9 @@ class BatchTaylor:
         """
         law = law_of(friction)
         names = parameter_names(law)
-        constants, omegas, states, durations = map(numbers, (constants, omegas, states, durations))
+        constants, omegas, states, durations = map(
+            to_double_array, (constants, omegas, states, durations)
+        )
         count = omegas.size
         if omegas.shape != (count,) or states.shape != (count, 3) or durations.shape != (count,):
             raise InputError(f"{count} speeds need states ({count}, 3) and as many durations")
@@ -202,7 +204,7 @@ class _CompiledBatch:
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
         watched = (*self._events, SWITCH, TURN_OVER) if law.two_sided else self._events
-        system, functions = system_of(variations, divergence, watched, shift, law)
+        system, functions = build_system(variations, divergence, watched, shift, law)
         options: dict[str, Any] = {}
         if self._events:
             options["nt_events"] = [
@@ -215,7 +217,10 @@ class _CompiledBatch:
             ]
         self._signs = FrictionSigns() if law.two_sided else None
         if self._signs is not None:
-            changes = {SWITCH.name: self._signs.switched, TURN_OVER.name: self._signs.turned}
+            changes = {
+                SWITCH.name: self._signs.set_at_reversal,
+                TURN_OVER.name: self._signs.flip_with_sin_beta,
+            }
             options["t_events"] = [
                 hy.t_event_batch(
                     functions[name],
@@ -262,7 +267,7 @@ class _CompiledBatch:
                 pending += [range(run, run + 1) for run in reversed(runs)]
                 continue
             if self._signs is not None:
-                reached &= self._signs.kept(self._stepper)
+                reached &= self._signs.used_right_sign(self._stepper)
             lane_of = numpy.flatnonzero(reached[: len(runs)])
             final[:, lanes[lane_of]] = self._stepper.state[:, lane_of]
             finished[lanes[lane_of]] = True

@@ -16,8 +16,8 @@ from tippedisk_verify.flow.code_cache import add_checksums
 
 __all__ = ["CompiledRunners"]
 
-#: The number of integrators that an engine keeps, each of 1 to 4 MB. All commands in turn need
-#: about 40, and `stress` needs 110.
+# The number of integrators that an engine keeps, each of 1 to 4 MB. All commands in turn need
+# about 40, and `stress` needs 110.
 _MAX_KEPT = 128
 _COMPILE_LOCK = RLock()
 _RUN_COUNTER = count()

@@ -3,8 +3,8 @@ events, and statuses with their messages.
 
 The events that the package knows by name are here: crossings of a section, turns, sliding reversals,
 and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
-request does not name. Engines are callables ``engine(request) -> Result``. `taylor` and `baseline`
-each provide one kind.
+request does not name. Engines are callables ``engine(request) -> Result``. `taylor` and
+`scipy_engine` each provide one kind.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import refuse_qualified, shown
+from tippedisk_verify.model.exact import refuse_qualified, short_text
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -107,7 +107,7 @@ class _Symbols:
     sin = cos = staticmethod(_Symbol._combined)
 
 
-def _of_state(
+def _value_at_state(
     function: Callable[..., Any], ops: Any, constants: Any, omega: Any, *state: Any
 ) -> Any:
     """Return the value of an event function of SciPy's form, ``function(t, y)``, at a state.
@@ -151,10 +151,12 @@ class Event:
 
     def __post_init__(self) -> None:
         if self.direction not in (-1, 0, 1):
-            raise InputError(f"an event's direction is -1, 0 or 1, not {shown(self.direction)}")
+            raise InputError(
+                f"an event's direction is -1, 0 or 1, not {short_text(self.direction)}"
+            )
         with suppress(TypeError, ValueError):
             if len(signature(self.function).parameters) == _SCIPY_ARGUMENTS:
-                object.__setattr__(self, "function", partial(_of_state, self.function))
+                object.__setattr__(self, "function", partial(_value_at_state, self.function))
         try:
             self.function(
                 _Symbols,
@@ -163,7 +165,7 @@ class Event:
             )
         except (TypeError, AttributeError, ValueError) as fault:
             raise InputError(
-                f"the event '{shown(self.name)}' needs a function of (ops, constants, omega, beta, "
+                f"the event '{short_text(self.name)}' needs a function of (ops, constants, omega, beta, "
                 f"gamma, v) made of "
                 f"arithmetic, ops.sin and ops.cos, such as lambda ops, c, omega, beta, gamma, v: "
                 f"ops.cos(beta), "
@@ -238,7 +240,7 @@ class Request:
     #: from the result.
     digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
-    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudged`).
+    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudge`).
     rounding: int | None = None
     max_steps: int = MAX_STEPS
 
@@ -281,7 +283,7 @@ class Request:
 
         Args:
             state: The start (beta [rad], gamma [rad], v [rad/s]).
-            rounding: The pattern of a twin (`system.nudged`), or None.
+            rounding: The pattern of a twin (`system.nudge`), or None.
 
         Raises:
             InputError: If the state does not have three components.

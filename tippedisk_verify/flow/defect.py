@@ -36,17 +36,17 @@ from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
 
-#: The number of random draws. Their root mean square is less than a quarter of the true one once in
-#: ten million times.
+# The number of random draws. Their root mean square is less than a quarter of the true one once in
+# ten million times.
 _RANDOM_DRAWS = 16
-#: The size of a polynomial's terms, in parts of the state, below which they are summed in doubles
-#: if the wide arithmetic has 64 bits.
+# The size of a polynomial's terms, in parts of the state, below which they are summed in doubles
+# if the wide arithmetic has 64 bits.
 _SMALL_TERM = 2.0**-10
-#: The number of steps on both sides over which a distance between two numbers of nodes counts. At a
-#: single step it may be small by chance.
+# The number of steps on both sides over which a distance between two numbers of nodes counts. At a
+# single step it may be small by chance.
 _NEIGHBOUR_STEPS = 8
-#: The places of the distance, as shares of a step: inside a step errors are less exact than at its
-#: ends.
+# The places of the distance, as shares of a step: inside a step errors are less exact than at its
+# ends.
 _STEP_FRACTIONS = numpy.linspace(0, 1, 9)
 
 
@@ -73,7 +73,7 @@ class Defect:
         )
         self._sizes = self._terms[0] + self._terms[1]
         small = (self._terms < _SMALL_TERM * self._sizes).all(axis=(1, 2))
-        #: The number of terms of the polynomials that are summed in wide arithmetic.
+        # The number of terms of the polynomials that are summed in wide arithmetic.
         self._leading = (
             len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         )
@@ -96,7 +96,7 @@ class Defect:
         # The rounding of the field in doubles, which exceeds its last place where terms cancel.
         rounded = abs(numpy.stack(field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
-        solved = self._solved(numpy.concatenate((matrices, defect[..., None]), axis=3))
+        solved = self._solve_collocation(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]
         self._carry = numpy.eye(3) + self._error_gains(self._homogeneous)
         starts = series.coefficients[0].astype(wide.type)
@@ -147,10 +147,10 @@ class Defect:
         Returns:
             The largest correction, in carried roundings.
         """
-        errors = self._along(self._places)
+        errors = self._evaluate(self._places)
         slopes = self._slopes + numpy.moveaxis(self._rates, 2, 0)
         rest = (self.rates(self._nodes + numpy.moveaxis(errors, 2, 0)) - slopes).astype(float)
-        solved = self._solved(numpy.moveaxis(rest, 0, 2)[..., None])
+        solved = self._solve_collocation(numpy.moveaxis(rest, 0, 2)[..., None])
         carried = _propagated_errors(self._carry, numpy.zeros((3, 1)), self._error_gains(solved))[
             :, :, 0
         ]
@@ -167,13 +167,15 @@ class Defect:
         Args:
             other: The error of the same run with fewer nodes.
         """
-        distances = abs(self._along(_STEP_FRACTIONS) - other._along(_STEP_FRACTIONS)).max(axis=1)
+        distances = abs(self._evaluate(_STEP_FRACTIONS) - other._evaluate(_STEP_FRACTIONS)).max(
+            axis=1
+        )
         padded = numpy.pad(
             distances, ((_NEIGHBOUR_STEPS, _NEIGHBOUR_STEPS + 1), (0, 0)), mode="edge"
         )
         self._left_out = sliding_window_view(padded, 2 * _NEIGHBOUR_STEPS + 1, axis=0).max(axis=2)
 
-    def _along(self, shares: Any) -> Any:
+    def _evaluate(self, shares: Any) -> Any:
         """Return the estimated errors (n, k, 3) of the run at given shares of every step."""
         return self.errors[:-1, None] + self._steps[:, :, None] * (
             _integrals(shares, self._basis) @ self._rates
@@ -214,7 +216,7 @@ class Defect:
         roundings, left_out = (
             numpy.repeat(of, len(self._places), axis=1) for of in self._margins()
         )
-        errors = self._along(self._places).reshape(-1, 3).T
+        errors = self._evaluate(self._places).reshape(-1, 3).T
         return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
 
     def _margins(self) -> list[Any]:
@@ -264,7 +266,7 @@ class Defect:
             total += spread(term)
         return total
 
-    def _solved(self, right: Any) -> Any:
+    def _solve_collocation(self, right: Any) -> Any:
         """Solve the collocation equations for errors that are zero at the start of each step.
 
         Args:

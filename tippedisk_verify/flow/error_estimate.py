@@ -42,7 +42,7 @@ class _DefectMethod(NamedTuple):
     wide: Precision
     nodes: int
     #: The nodes of a second evaluation, which measures the error of the first. 0 means that
-    #: `_Limits.three_nodes` bounds it.
+    #: `_Limits.three_node_error` bounds it.
     fewer: int
 
 
@@ -65,55 +65,55 @@ class _Limits(NamedTuple):
 
     #: A half-width is this multiple of the error left in a result. The additional quarter covers
     #: errors that the estimate shares with the result.
-    margin: float = 1.25
+    half_width_margin: float = 1.25
     #: The error that three nodes may leave, in carried roundings. It is so small where the next
     #: three limits hold.
-    three_nodes: float = 1 / 16
+    three_node_error: float = 1 / 16
     #: For three nodes: each rate of decay times the step is below this.
-    short_step: float = 7.0
+    three_node_max_decay: float = 7.0
     #: For three nodes: each rate of growth times the step is below this.
-    steady_step: float = 1.0
+    three_node_max_growth: float = 1.0
     #: For three nodes: the last terms of the step's polynomials are below this, as a fraction of the
     #: state.
-    last_term: float = 2.0**-55
+    three_node_max_last_term: float = 2.0**-55
     #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
     #: Where errors grow, the smaller number of nodes decides: over a step in which errors grow by
     #: e^5, five nodes are wrong by a thirtieth.
-    long_step: float = 64.0
+    max_decay: float = 64.0
     #: The error of evaluating the defect, in carried roundings of the wider arithmetic.
-    evaluation: int = 16
+    evaluation_error: int = 16
     #: The error [rad, rad/s] above which its square may exceed a hundredth of a rounding. The
     #: field's second derivatives are at most 1e5.
-    squares: float = 1e-11
+    max_first_order_error: float = 1e-11
     #: The number of sweeps for the second order of an error. Each gains as many digits as the error
     #: has below 1.
-    most_sweeps: int = 4
+    max_sweeps: int = 4
     #: The rounding of errors that are kept in doubles, as a fraction of an error. At least this part of
     #: a carried rounding is left.
-    in_doubles: float = 2.0**-48
+    double_rounding: float = 2.0**-48
     #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
-    most_bytes: int = 2**29
+    max_matrix_bytes: int = 2**29
     #: The number of Newton steps for a crossing. Two usually suffice, because the gradient has nine
     #: digits.
-    newton_steps: int = 8
+    crossing_newton_steps: int = 8
     #: The change of the state in the differences for an event's gradient, near the square root of
     #: rounding.
-    difference: float = 2.0**-20
+    gradient_step: float = 2.0**-20
     #: The time [s] after which an event's rate is evaluated again, to measure its change.
-    ahead: float = 1e-6
+    rate_interval: float = 1e-6
     #: An extremum of an event's function below this part of its size nearby may be a touch.
-    near_touch: float = 1 / 8
+    possible_touch_share: float = 1 / 8
     #: An extremum below this part is a touch: wider runs then decide whether it is a crossing.
-    touch: float = 1 / 64
+    touch_share: float = 1 / 64
     #: The number of places between three nodes at which an event's function is evaluated.
-    finer_places: int = 65
+    touch_samples: int = 65
     #: The distance at which an extremum may lie from a place, as a fraction of the distance to its
     #: neighbour. The extra quarter allows for the error of the parabola.
-    neighbour: float = 1.25
+    max_extremum_distance: float = 1.25
     #: As a fraction of a carried rounding or an error: a quantity below this is of the next order.
-    next_order: float = 2.0**-10
+    negligible_share: float = 2.0**-10
     #: The error [rad, rad/s] from which no sweep is tried, because the first order is a poor guess.
-    too_large: float = 2.0**-6
+    max_error_for_sweeps: float = 2.0**-6
 
 
 _LIMITS = _Limits()
@@ -146,26 +146,26 @@ def half_widths_from_defect(request: Request, result: Result) -> Result | None:
     if not request.estimated_by_defect or not result.status.usable or not result.steps:
         return None
     for method in _METHODS:
-        if request.digits <= method.digits and _has(method.wide):
+        if request.digits <= method.digits and _has_arrays_of(method.wide):
             try:
-                refined = _refined(request, result, method)
+                refined = _refine(request, result, method)
             except Unresolved:
                 continue
             except NotInProportion:
                 return None
             if request.digits <= PLAIN_DIGITS:
                 return refined
-            if _reached(request.digits, refined):
+            if _reaches_digits(request.digits, refined):
                 return refined._replace(precision=method.wide)
     return None
 
 
-def _has(wide: Precision) -> bool:
+def _has_arrays_of(wide: Precision) -> bool:
     """Return True if this machine can compute with arrays of numbers of the precision ``wide``."""
     return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
 
 
-def _reached(digits: int, result: Result) -> bool:
+def _reaches_digits(digits: int, result: Result) -> bool:
     """Return True if every half-width of a result is at most one unit in the last of ``digits``
     digits.
 
@@ -183,7 +183,7 @@ def _reached(digits: int, result: Result) -> bool:
     )
 
 
-def _refined(request: Request, result: Result, method: _DefectMethod) -> Result:
+def _refine(request: Request, result: Result, method: _DefectMethod) -> Result:
     run = _RunWithError(request, result, method)
     times = numpy.empty(0) if request.times is None else method.wide.sequence(request.times)
     reached = times[abs(times.astype(float)) <= abs(result.time)]
@@ -235,22 +235,22 @@ class _RunWithError:
             request.parameters.at(self.wide),
             self.wide.number(request.omega),
         )
-        if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.most_bytes:
+        if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.max_matrix_bytes:
             raise Unresolved
         self._defect = Defect(request, result.series, self.wide, method.nodes)
-        if not self._resolved(method.fewer):
+        if not self._steps_are_short(method.fewer):
             raise Unresolved
-        #: The uncertainty of the errors, in carried roundings.
+        # The uncertainty of the errors, in carried roundings.
         self._share = (
-            _LIMITS.evaluation * 2.0 ** (DOUBLE.bits - self.wide.bits)
-            + self._corrected_to_second_order()
+            _LIMITS.evaluation_error * 2.0 ** (DOUBLE.bits - self.wide.bits)
+            + self._correct_to_second_order()
         )
         if method.fewer:
             self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
         else:
-            self._share += _LIMITS.three_nodes
+            self._share += _LIMITS.three_node_error
 
-    def _resolved(self, fewer: int) -> bool:
+    def _steps_are_short(self, fewer: int) -> bool:
         """Return True if the run's steps are short enough for the method that estimates its error.
 
         Args:
@@ -259,14 +259,14 @@ class _RunWithError:
         """
         defect = self._defect
         if fewer:
-            return defect.fastest < _LIMITS.long_step and defect.growing < fewer
+            return defect.fastest < _LIMITS.max_decay and defect.growing < fewer
         return (
-            defect.fastest < _LIMITS.short_step
-            and defect.growing < _LIMITS.steady_step
-            and defect.last_term < _LIMITS.last_term
+            defect.fastest < _LIMITS.three_node_max_decay
+            and defect.growing < _LIMITS.three_node_max_growth
+            and defect.last_term < _LIMITS.three_node_max_last_term
         )
 
-    def _corrected_to_second_order(self) -> float:
+    def _correct_to_second_order(self) -> float:
         """Correct the estimated errors of the run to second order, by sweeps of deferred
         correction.
 
@@ -277,18 +277,20 @@ class _RunWithError:
             NotInProportion: If the errors are too large for the sweeps.
         """
         largest = float(abs(self._defect.errors).max())
-        if not largest < _LIMITS.too_large:
+        if not largest < _LIMITS.max_error_for_sweeps:
             raise NotInProportion
-        if self.wide is EXTENDED and largest < _LIMITS.squares:
+        if self.wide is EXTENDED and largest < _LIMITS.max_first_order_error:
             return 0.0
-        for _ in range(_LIMITS.most_sweeps):
+        for _ in range(_LIMITS.max_sweeps):
             # Each sweep leaves the same share of its correction as the first correction was of the
             # error.
             change = self._defect.sweep()
-            if change < _LIMITS.next_order:
+            if change < _LIMITS.negligible_share:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
                 return HALF_WIDTH_FACTOR * max(
-                    change * _LIMITS.next_order, _LIMITS.in_doubles, _LIMITS.in_doubles * largest
+                    change * _LIMITS.negligible_share,
+                    _LIMITS.double_rounding,
+                    _LIMITS.double_rounding * largest,
                 )
         raise NotInProportion
 
@@ -302,17 +304,19 @@ class _RunWithError:
             times: (k,) times [s] in the wide arithmetic; the last one is the run's end.
             at_end: The last state of the run, which replaces the polynomial's up to twelve digits.
         """
-        places, errors, left = self._at(times)
+        states, errors, uncertainty = self._evaluate(times)
         # A time is rounded to the wide arithmetic.
-        left = left + abs(self._defect.rates(places) * times).astype(float) * float(
+        uncertainty = uncertainty + abs(self._defect.rates(states) * times).astype(float) * float(
             self.wide.epsilon
         )
-        values = places.astype(float) if self.uncorrected else places + errors
+        values = states.astype(float) if self.uncorrected else states + errors
         if self.uncorrected:
             values[:, -1] = at_end
-        return values, self._half_widths(values, (places - values).astype(float) + errors, left)
+        return values, self._half_widths(
+            values, (states - values).astype(float) + errors, uncertainty
+        )
 
-    def _half_widths(self, values: Any, off: Any, left: Any) -> Any:
+    def _half_widths(self, values: Any, errors: Any, uncertainty: Any) -> Any:
         """Return half-widths of the run's values, from their estimated error and the doubt about
         it.
 
@@ -321,21 +325,21 @@ class _RunWithError:
 
         Args:
             values: The values.
-            off: Their estimated errors.
-            left: The uncertainty of these errors.
+            errors: Their estimated errors.
+            uncertainty: The uncertainty of these errors.
         """
         if self.uncorrected:
-            return _LIMITS.margin * abs(off) + left
-        return left + abs(values).astype(float) * float(self.wide.epsilon)
+            return _LIMITS.half_width_margin * abs(errors) + uncertainty
+        return uncertainty + abs(values).astype(float) * float(self.wide.epsilon)
 
-    def _at(self, times: Any) -> tuple[Any, Any, Any]:
+    def _evaluate(self, times: Any) -> tuple[Any, Any, Any]:
         """Return the states of the run's polynomials, their errors and the errors' uncertainty,
         each (3, k), at times (k,) in the wide arithmetic.
         """
-        places, errors, roundings, nodes = self._defect.at(times)
-        return places, errors, self._left(roundings, nodes)
+        states, errors, roundings, nodes = self._defect.at(times)
+        return states, errors, self._error_uncertainty(roundings, nodes)
 
-    def _left(self, roundings: Any, nodes: Any) -> Any:
+    def _error_uncertainty(self, roundings: Any, nodes: Any) -> Any:
         return self._share * roundings + HALF_WIDTH_FACTOR * nodes
 
     def crossing(self, record: EventRecord) -> _CrossingWithError:
@@ -347,35 +351,35 @@ class _RunWithError:
         """
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide.array([record.time])
-        for _ in range(_LIMITS.newton_steps):
-            places, errors, left = self._at(time)
+        for _ in range(_LIMITS.crossing_newton_steps):
+            places, errors, uncertainty = self._evaluate(time)
             states = places + errors
             gradient, speed = self._rates(event, states)
             change = self._value(event, states) / self.wide.number(speed)
-            unknown = float(abs(gradient) @ left[:, 0]) / abs(speed) + abs(record.time) * float(
-                self.wide.epsilon
-            )
+            unknown = float(abs(gradient) @ uncertainty[:, 0]) / abs(speed) + abs(
+                record.time
+            ) * float(self.wide.epsilon)
             time = time - change
-            if abs(float(change)) <= _LIMITS.next_order * unknown:
+            if abs(float(change)) <= _LIMITS.negligible_share * unknown:
                 break
         else:
             raise NotInProportion
         moved = abs(float((time - first)[0]))
         rates = self._defect.rates(states)
-        ahead = self._rates(event, states + rates * self.wide.array([_LIMITS.ahead]))[1]
-        if not (moved + unknown) * abs(ahead - speed) / _LIMITS.ahead < _LIMITS.next_order * abs(
-            speed
-        ):
+        ahead = self._rates(event, states + rates * self.wide.array([_LIMITS.rate_interval]))[1]
+        if not (moved + unknown) * abs(
+            ahead - speed
+        ) / _LIMITS.rate_interval < _LIMITS.negligible_share * abs(speed):
             raise NotInProportion
         around = [
             self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)
         ]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
             raise NotInProportion
-        width = _LIMITS.margin * moved + unknown if self.uncorrected else unknown
+        width = _LIMITS.half_width_margin * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide.array(record.state)[:, None]).astype(float)
-        widths = self._half_widths(states, off, left)[:, 0] + moves
+        widths = self._half_widths(states, off, uncertainty)[:, 0] + moves
         return _CrossingWithError(
             EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
         )
@@ -396,12 +400,12 @@ class _RunWithError:
 
     def _gradient(self, event: Event, states: Any) -> Any:
         """Return the gradient (3, k) of an event's function at k states, by central differences."""
-        moves = _LIMITS.difference * numpy.eye(3)[:, :, None]
+        moves = _LIMITS.gradient_step * numpy.eye(3)[:, :, None]
         rows = [
             self._in_doubles(event, states + move) - self._in_doubles(event, states - move)
             for move in moves
         ]
-        return numpy.stack(rows) / (2 * _LIMITS.difference)
+        return numpy.stack(rows) / (2 * _LIMITS.gradient_step)
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
         """Return the values (k,) of an event's function at k states, in doubles."""
@@ -424,7 +428,10 @@ class _RunWithError:
             for of, inside in zip(at_ends, at_nodes, strict=True)
         )
         times = numpy.concatenate(([0.0], times, last.astype(float)))
-        states, reach = states.astype(float), abs(errors) + self._left(roundings, nodes)
+        states, reach = (
+            states.astype(float),
+            abs(errors) + self._error_uncertainty(roundings, nodes),
+        )
         rates = self._defect.rates(at_ends[0][:, 1:])
         reach[:, -1:] += abs((rates * (last - self.wide.number(result.time))).astype(float))
         ending = None if result.status is Status.REACHED else result.events[-1].name
@@ -444,12 +451,12 @@ class _RunWithError:
             )
             if lost[1:end].any() or turned != named:
                 raise NotInProportion
-            for k in _touching(times, values, _LIMITS.near_touch):
-                inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.finer_places)
+            for k in _touching(times, values, _LIMITS.possible_touch_share):
+                inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.touch_samples)
                 finer = self._in_doubles(
                     event, self._defect.at(inside.astype(self.wide.type))[0].astype(float)
                 )
-                if len(_touching(inside, finer, _LIMITS.touch)):
+                if len(_touching(inside, finer, _LIMITS.touch_share)):
                     raise NotInProportion
 
 
@@ -468,6 +475,8 @@ def _touching(times: Any, values: Any, share: float) -> Any:
     with numpy.errstate(divide="ignore", invalid="ignore"):
         to_turn = -slope / (2 * bend)
         turn = middle + to_turn * slope / 2
-    among = (to_turn / left >= -_LIMITS.neighbour) & (to_turn / right <= _LIMITS.neighbour)
+    among = (to_turn / left >= -_LIMITS.max_extremum_distance) & (
+        to_turn / right <= _LIMITS.max_extremum_distance
+    )
     near_zero = turn * numpy.sign(middle) < share * numpy.maximum(abs(before), abs(after))
     return numpy.flatnonzero((before * middle > 0) & (middle * after > 0) & among & near_zero) + 1

@@ -20,8 +20,8 @@ __all__ = [
     "Start",
     "StartSurfaces",
     "at_rest",
+    "start_surfaces",
     "starts_on_a_surface",
-    "surfaces",
 ]
 
 #: The shortest time for which a start on an event's surface lasts [s].
@@ -156,7 +156,7 @@ def starts_on_a_surface(request: Request) -> bool:
     return any(start.lies_on(event, epsilon) for event in request.events)
 
 
-def surfaces(request: Request, start: Start) -> StartSurfaces:
+def start_surfaces(request: Request, start: Start) -> StartSurfaces:
     """Return the event surfaces on which the start of a run lies.
 
     The surface of an event consists of the zeros of its function. A start given by floats is

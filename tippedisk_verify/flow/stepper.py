@@ -21,15 +21,21 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.flow.start import NO_SURFACES, START_WINDOW, Start, StartSurfaces, surfaces
+from tippedisk_verify.flow.start import (
+    NO_SURFACES,
+    START_WINDOW,
+    Start,
+    StartSurfaces,
+    start_surfaces,
+)
 from tippedisk_verify.flow.switching import FrictionSign
 from tippedisk_verify.flow.system import (
     SWITCH,
     TURN_OVER,
+    build_system,
     direction_of,
-    nudged,
+    nudge,
     parameter_names,
-    system_of,
 )
 from tippedisk_verify.model.equations import shifted
 from tippedisk_verify.model.parameters import Parameters
@@ -151,7 +157,7 @@ class CompiledStepper:
             event for event in events if two_sided and event.function is SLIDING_REVERSAL.function
         ]
         built = [event for event in events if event not in watched]
-        system, self._crossings = system_of(
+        system, self._crossings = build_system(
             request.variations,
             request.divergence,
             (*built, SWITCH, TURN_OVER) if two_sided else built,
@@ -233,12 +239,17 @@ class CompiledStepper:
             events.append(
                 ending(
                     SWITCH.name,
-                    callback=lambda stepper, sign: friction_sign.switched(sign, stepper.time),
+                    callback=lambda stepper, sign: friction_sign.set_at_reversal(
+                        sign, stepper.time
+                    ),
                 )
             )
             if FLAT not in self._terminal:
                 events.append(
-                    ending(TURN_OVER.name, callback=lambda stepper, sign: friction_sign.turned())
+                    ending(
+                        TURN_OVER.name,
+                        callback=lambda stepper, sign: friction_sign.flip_with_sin_beta(),
+                    )
                 )
         return events
 
@@ -275,7 +286,7 @@ class CompiledStepper:
         state = [number(component) for component in request.state]
         duration, omega = number(request.duration), number(request.omega)
         if request.rounding is not None:
-            *state, omega = nudged((*state, omega), request.rounding, self.precision)
+            *state, omega = nudge((*state, omega), request.rounding, self.precision)
         constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
         start = Start(self._ops, constants, request.law, omega, state, forward)
         self._grid = _grid_of(request, duration)
@@ -286,21 +297,25 @@ class CompiledStepper:
             self._rewind(state)
             self._rows = self._stepper.state[None].copy()
             return self._result(request, Status.FLAT, 0)
-        on = surfaces(request, start) if request.events else NO_SURFACES
+        on_surfaces = start_surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
-        careful = self._two_sided or on.exactly
-        outcome, low, steps = self._integrated(
-            start, on if careful else NO_SURFACES, duration, request.max_steps
+        careful = self._two_sided or on_surfaces.exactly
+        outcome, low, steps = self._run_to_end(
+            start, on_surfaces if careful else NO_SURFACES, duration, request.max_steps
         )
-        if not careful and abs(self._stepper.time) <= on.window and self._passable(outcome, on):
-            outcome, low, steps = self._integrated(start, on, duration, request.max_steps)
-        status = Status.REACHED if outcome == self._finished else self._stopped(outcome, low)
-        if on.names:  # the start itself is not a crossing
+        if (
+            not careful
+            and abs(self._stepper.time) <= on_surfaces.window
+            and self._ends_on_start_surface(outcome, on_surfaces)
+        ):
+            outcome, low, steps = self._run_to_end(start, on_surfaces, duration, request.max_steps)
+        status = Status.REACHED if outcome == self._finished else self._stop_status(outcome, low)
+        if on_surfaces.names:  # the start itself is not a crossing
             self._records[:] = [
                 record
                 for record in self._records
-                if record.name not in on.names or abs(record.time) > on.window
+                if record.name not in on_surfaces.names or abs(record.time) > on_surfaces.window
             ]
         return self._result(request, status, steps)
 
@@ -317,7 +332,7 @@ class CompiledStepper:
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
             if request.rounding is not None:
-                values = nudged(values, request.rounding + 1, self.precision)
+                values = nudge(values, request.rounding + 1, self.precision)
                 self._parameters = None  # the next run must not reuse them
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
@@ -334,7 +349,7 @@ class CompiledStepper:
             stepper.reset_cooldowns()
             self._records.clear()
 
-    def _until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
+    def _integrate_until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """Integrate until the time ``target`` [s] or the first terminal event.
 
         The series of the steps are kept if they are needed. If the run has a grid of times, the
@@ -351,13 +366,13 @@ class CompiledStepper:
         if self._kept is not None:
             # This takes half the time of heyoka's continuous output. heyoka copies callables that
             # are not bare functions.
-            options |= {"callback": self._keeping(self._kept), "write_tc": True}
+            options |= {"callback": self._series_recorder(self._kept), "write_tc": True}
         outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
         if self._kept is not None and steps:
             options["callback"](self._stepper)
         return outcome, low, steps
 
-    def _keeping(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
+    def _series_recorder(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
         """Return a callback for heyoka that appends the series of the last step to ``kept``.
 
         A step that is there already is not appended again. The callback returns True, so that the
@@ -373,25 +388,27 @@ class CompiledStepper:
 
         return keep
 
-    def _integrated(
-        self, start: Start, on: StartSurfaces, duration: Any, max_steps: int
+    def _run_to_end(
+        self, start: Start, on_surfaces: StartSurfaces, duration: Any, max_steps: int
     ) -> tuple[Any, Any, int]:
         """Integrate from a start until the final time or the first terminal event, and return what
-        `_until` returns.
+        `_integrate_until` returns.
 
         The start may lie on an event's surface.
         """
-        ended = self._set_off(start, on, duration)
-        ran = ended or self._until(duration, max_steps=max_steps)
-        if self._two_sided and not ended and self._friction_sign.lost:
+        ended = self._leave_surface(start, on_surfaces, duration)
+        ran = ended or self._integrate_until(duration, max_steps=max_steps)
+        if self._two_sided and not ended and self._friction_sign.used_wrong_sign:
             # Two switches came closer together than events can resolve.
             self._friction_sign.looks_ahead = True
-            ran = self._set_off(start, on, duration) or self._until(duration, max_steps=max_steps)
+            ran = self._leave_surface(start, on_surfaces, duration) or self._integrate_until(
+                duration, max_steps=max_steps
+            )
             self._friction_sign.looks_ahead = False
         return ran
 
-    def _set_off(
-        self, start: Start, on: StartSurfaces, duration: Any
+    def _leave_surface(
+        self, start: Start, on_surfaces: StartSurfaces, duration: Any
     ) -> tuple[Any, Any, int] | None:
         """Move a run that starts on an event's surface off this surface, without recording the
         start as a crossing.
@@ -401,30 +418,35 @@ class CompiledStepper:
         first step.
 
         Returns:
-            The outcome, as `_until` returns it, if the run ended on the way; otherwise None.
+            The outcome, as `_integrate_until` returns it, if the run ended on the way; otherwise
+            None.
         """
         self._rewind(start.state)
         if self._two_sided:
             self._friction_sign.begin(start)
-        if not on.names:
+        if not on_surfaces.names:
             return None
         # Use at most half of the run, so that the rest can be recorded.
-        limit = min(self.precision.number(on.window), abs(duration) * self.precision.number(0.5))
+        limit = min(
+            self.precision.number(on_surfaces.window), abs(duration) * self.precision.number(0.5)
+        )
         limit = limit if start.forward else -limit
-        if self._jumped(start, limit, on):
+        if self._jump_ahead(start, limit, on_surfaces):
             return None
         outcome, low = self._finished, self._zero
         for _ in range(_MAX_PASSES):
             # An event that fires starts its cooldown, so the next call continues.
-            outcome, low, _ = self._until(limit)
-            if not self._passable(outcome, on):
+            outcome, low, _ = self._integrate_until(limit)
+            if not self._ends_on_start_surface(outcome, on_surfaces):
                 break
-        ended = self._index(outcome) is not None and not self._passable(outcome, on)
+        ended = self._index(outcome) is not None and not self._ends_on_start_surface(
+            outcome, on_surfaces
+        )
         return (
             (outcome, low, 1) if ended or (self._two_sided and self._friction_sign.ended) else None
         )
 
-    def _jumped(self, start: Start, target: Any, on: StartSurfaces) -> bool:
+    def _jump_ahead(self, start: Start, target: Any, on_surfaces: StartSurfaces) -> bool:
         """Move from the start to a ``target`` time close to it by the first step's series. Return
         True if that is done.
 
@@ -441,7 +463,7 @@ class CompiledStepper:
         ahead = stepper.d_output.tolist()
         terms = self.precision.owned(stepper.tc[: self._kept_rows])
         self._rewind(start.state)
-        watched = [event for event in self._events if event.name not in on.names]
+        watched = [event for event in self._events if event.name not in on_surfaces.names]
         # The branch, too, must be the same all the way, and not in doubt at the start
         if self._two_sided:
             self._friction_sign.begin(start)
@@ -463,12 +485,12 @@ class CompiledStepper:
         index = -int(outcome.value) - 1
         return index if 0 <= index < len(self._terminal) else None
 
-    def _passable(self, outcome: Any, on: StartSurfaces) -> bool:
+    def _ends_on_start_surface(self, outcome: Any, on_surfaces: StartSurfaces) -> bool:
         """Return True if the run was ended by an event on whose surface it started."""
         index = self._index(outcome)
-        return index is not None and self._terminal[index].name in on.names
+        return index is not None and self._terminal[index].name in on_surfaces.names
 
-    def _stopped(self, outcome: Any, smallest_step: Any) -> Status:
+    def _stop_status(self, outcome: Any, smallest_step: Any) -> Status:
         """Return the status of a run that did not reach its end, and record the terminal event if
         there was one.
         """

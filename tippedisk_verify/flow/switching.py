@@ -29,7 +29,7 @@ from tippedisk_verify.model.precision import Precision
 __all__ = ["FrictionSign", "FrictionSigns"]
 
 # s after a switch; the branches differ by gamma_y squared, so they are equal in doubles until then.
-_EQUAL_BRANCHES_TIME = 2.0 ** (-52 / 3)
+_EQUAL_SIDES_TIME = 2.0 ** (-52 / 3)
 _MAX_RESIDUAL_SLIP = 1000  # the slip that may be left at a switch, in roundings of the state
 
 
@@ -72,7 +72,7 @@ class FrictionSign:
         else:
             self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
 
-    def turned(self) -> bool:
+    def flip_with_sin_beta(self) -> bool:
         """Change the sign of gamma_y in the friction law where sin(beta) changes its sign.
 
         Returns True, so that the run continues.
@@ -81,7 +81,7 @@ class FrictionSign:
         self._set(self.side)
         return True
 
-    def switched(self, sign: int, time: Any) -> bool:
+    def set_at_reversal(self, sign: int, time: Any) -> bool:
         """Set the sign in the friction law at a crossing of gamma_y / sin(beta) = 0.
 
         Args:
@@ -133,7 +133,7 @@ class FrictionSign:
         return any(event.terminal for event in coinciding)
 
     @property
-    def lost(self) -> bool:
+    def used_wrong_sign(self) -> bool:
         """True if the run used the wrong sign of gamma_y for a while, as the switches or the end
         show.
         """
@@ -165,7 +165,7 @@ class FrictionSigns:
         on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
         if on_surface.any():
             ahead = start.ahead(
-                start.state, numpy.where(start.forward, _EQUAL_BRANCHES_TIME, -_EQUAL_BRANCHES_TIME)
+                start.state, numpy.where(start.forward, _EQUAL_SIDES_TIME, -_EQUAL_SIDES_TIME)
             )
             slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, ahead), slip)
         self._start = start
@@ -174,7 +174,7 @@ class FrictionSigns:
         self._doubtful = numpy.zeros(len(slip), dtype=bool)
         stepper.pars[-1] = self._sides * self._upright
 
-    def switched(self, stepper: Any, sign: int, lane: int) -> None:
+    def set_at_reversal(self, stepper: Any, sign: int, lane: int) -> None:
         """Set the sign in the friction law for a lane in which gamma_y / sin(beta) has changed its
         sign.
 
@@ -189,7 +189,7 @@ class FrictionSigns:
         self._sides[lane] = side
         stepper.pars[-1, lane] = side * self._upright[lane]
 
-    def turned(self, stepper: Any, sign: int, lane: int) -> None:
+    def flip_with_sin_beta(self, stepper: Any, sign: int, lane: int) -> None:
         """Change the sign of gamma_y in the friction law for a lane in which sin(beta) has changed
         its sign.
 
@@ -201,7 +201,7 @@ class FrictionSigns:
         self._upright[lane] = -self._upright[lane]
         stepper.pars[-1, lane] = self._sides[lane] * self._upright[lane]
 
-    def kept(self, stepper: Any) -> Any:
+    def used_right_sign(self, stepper: Any) -> Any:
         """Return a mask (n,) of the runs that used the right sign of gamma_y all the time.
 
         Args:

@@ -28,24 +28,24 @@ from tippedisk_verify.model.precision import Precision
 __all__ = [
     "SWITCH",
     "TURN_OVER",
+    "build_system",
     "by_constants",
     "constants_of",
     "direction_of",
-    "nudged",
+    "nudge",
     "parameter_names",
-    "system_of",
 ]
 
-#: The runtime parameters of every law's compiled field, in this order. The law's own constants
-#: follow, and the side of a law that has two is the last one.
+# The runtime parameters of every law's compiled field, in this order. The law's own constants
+# follow, and the side of a law that has two is the last one.
 _COMMON_PARAMETERS = ("Omega", "r", "e", "a", "b", "g")
 #: The events at which a law with two sides changes its side. Requests cannot have these names.
 SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
 TURN_OVER = Event("(turns over)", FLAT.function)
 
 
-#: The number of patterns in which each number moves up once and down once. So no number stays fixed
-#: in all twins of a cycle. On average a number errs by half a place, as rounding does.
+# The number of patterns in which each number moves up once and down once. So no number stays fixed
+# in all twins of a cycle. On average a number errs by half a place, as rounding does.
 _PATTERNS_PER_ROUND = 5
 
 
@@ -111,7 +111,7 @@ def constants_of(pars: Any, law: FrictionLaw) -> Constants:
     return Constants(**{name: rows.get(name) for name in Constants._fields})
 
 
-def system_of(
+def build_system(
     variations: Sequence[Variation],
     divergence: bool,
     events: Sequence[Event],
@@ -174,7 +174,7 @@ def direction_of(event: Event) -> Any:
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
 
 
-def nudged(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
+def nudge(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
     """Return a twin of some numbers: each moves by its last bit, up, down or not at all.
 
     Zero stays. Twins serve problems solved by many runs, such as a limit cycle. The equations of

@@ -24,17 +24,17 @@ from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, half_widths_from_
 from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
 from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
-from tippedisk_verify.model.arrays import doubles
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
+from tippedisk_verify.model.arrays import round_to_doubles
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
 
 __all__ = ["Taylor"]
 
-#: The digits to which a run is corrected if its start, as a double, lies on an event's surface.
+# The digits to which a run is corrected if its start, as a double, lies on an event's surface.
 _SURFACE_DIGITS = 20
 
 
-@undisturbed_methods
+@ignore_numpy_errors_in_methods
 class Taylor:
     """The Taylor engine: it integrates by Taylor series of the order that the tolerance requires,
     in any precision.
@@ -168,6 +168,6 @@ def _outside(request: Request, result: Result) -> bool:
         else result.samples
     )
     # The angle lies far enough from the edge that the float's sign is the number's.
-    angles: Any = [] if samples is None else doubles(samples[:, 0])
+    angles: Any = [] if samples is None else round_to_doubles(samples[:, 0])
     sine = numpy.cos if request.shifted else numpy.sin
     return bool((sine(numpy.append(angles, float(result.state[0]))) <= 0).any())

@@ -21,23 +21,23 @@ import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
 from tippedisk_verify.flow.start import Start
-from tippedisk_verify.model.arrays import doubles, half_widths
+from tippedisk_verify.model.arrays import half_widths, round_to_doubles
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, Precision, companion
 
 __all__ = ["half_widths_from_wider_run"]
 
-#: The tolerance of the wider run, in units of its arithmetic's round-off. heyoka's tolerance is
-#: absolute for states below 1, and the truncation of small states would otherwise far exceed their
-#: rounding.
+# The tolerance of the wider run, in units of its arithmetic's round-off. heyoka's tolerance is
+# absolute for states below 1, and the truncation of small states would otherwise far exceed their
+# rounding.
 _WIDER_TOLERANCE = Fraction(1, 2**12)
-#: The least half-width, in units of the last place: the number's own rounding.
+# The least half-width, in units of the last place: the number's own rounding.
 _LAST_PLACE = 1
-#: The largest difference of angles [rad] and relative velocities that is still proportional to a
-#: rounding.
+# The largest difference of angles [rad] and relative velocities that is still proportional to a
+# rounding.
 _MAX_PROPORTIONAL_DISTANCE = 2.0**-6
-#: The rates [rad/s, rad/s^2] of a start must exceed this many of its roundings for its motion to
-#: have events.
+# The rates [rad/s, rad/s^2] of a start must exceed this many of its roundings for its motion to
+# have events.
 _MIN_RATE_IN_ROUNDINGS = 2**20
 
 
@@ -99,7 +99,7 @@ def _half_widths(
     def widths(values: Any, truths: Any) -> Any:
         exact = wider.array(values.ravel().tolist()).reshape(values.shape)
         bound = abs(exact - truths) * HALF_WIDTH_FACTOR + abs(exact) * ulp
-        return doubles(bound) if precision.kind == "double" else bound
+        return round_to_doubles(bound) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any) -> float:
         return float(half_widths(widths(precision.array([mine]), wider.array([theirs])))[0])
@@ -146,8 +146,8 @@ def _end_far_apart(first: Result, second: Result) -> bool:
         return False
     for mine, theirs in ((first.state, second.state), (first.samples, second.samples)):
         if mine is not None and len(mine):
-            values = doubles(mine)
-            distance, size = abs(doubles(theirs) - values), 1 + abs(values)
+            values = round_to_doubles(mine)
+            distance, size = abs(round_to_doubles(theirs) - values), 1 + abs(values)
             if (distance[..., :2] > _MAX_PROPORTIONAL_DISTANCE).any() or (
                 distance[..., 2] > _MAX_PROPORTIONAL_DISTANCE * size[..., 2]
             ).any():

@@ -11,16 +11,23 @@ from numpy.typing import NDArray
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import refuse_qualified
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["Array", "ArrayFunction", "doubles", "half_widths", "numbers", "numpy_safe"]
+__all__ = [
+    "Array",
+    "ArrayFunction",
+    "half_widths",
+    "numpy_safe",
+    "round_to_doubles",
+    "to_double_array",
+]
 
 Array = NDArray[numpy.float64]
 
 
-def doubles(values: Any) -> Array:
+def round_to_doubles(values: Any) -> Array:
     """Round an array's numbers to doubles.
 
     heyoka's MPFR numbers are converted one by one: `astype` would leak 128 bytes for each.
@@ -36,7 +43,7 @@ def doubles(values: Any) -> Array:
     return numpy.array([float(value) for value in values.flat]).reshape(values.shape)
 
 
-def numbers(values: Any) -> Any:
+def to_double_array(values: Any) -> Any:
     """Convert a number, an array or nested lists of numbers of any kind to an array of doubles.
 
     Args:
@@ -54,7 +61,7 @@ def numbers(values: Any) -> Any:
     if not isinstance(values, list | tuple) and not getattr(values, "ndim", 0):
         return numpy.asarray(DOUBLE.number(values))
     try:
-        return numpy.array([numbers(entry) for entry in values])
+        return numpy.array([to_double_array(entry) for entry in values])
     except ValueError as fault:
         raise InputError(f"an array of numbers is needed: {fault}") from None
 
@@ -70,7 +77,7 @@ def half_widths(values: Any) -> Array:
     Returns:
         An array of the same shape.
     """
-    rounded = doubles(values)
+    rounded = round_to_doubles(values)
     return numpy.where((rounded == 0) & (values > 0), numpy.nextafter(0.0, 1.0), rounded)
 
 
@@ -90,7 +97,7 @@ def numpy_safe(values: Any) -> Any:
     )
 
 
-@undisturbed_methods
+@ignore_numpy_errors_in_methods
 class ArrayFunction:
     """The vector field of a disk, or its Jacobian, as a function ``f(t, y)`` in doubles that can be
     pickled.

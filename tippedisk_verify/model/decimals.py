@@ -22,10 +22,10 @@ from functools import cache
 
 __all__ = [
     "arithmetic",
-    "at_place",
     "decimal_magnitude",
     "exact_decimals",
     "exact_text",
+    "round_to_place",
     "rounded_down",
     "rounded_up",
 ]
@@ -73,12 +73,12 @@ def exact_text(value: Fraction) -> str:
 
 def rounded_up(value: Fraction) -> str:
     """Return the least decimal of two significant digits that is at least ``value`` > 0."""
-    return at_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
+    return round_to_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
 
 
 def rounded_down(value: Fraction) -> str:
     """Return the greatest decimal of two significant digits that is at most ``value`` > 0."""
-    return at_place(value, decimal_magnitude(value) - 1, math.floor)[0]
+    return round_to_place(value, decimal_magnitude(value) - 1, math.floor)[0]
 
 
 def decimal_magnitude(value: Fraction) -> int:
@@ -97,14 +97,14 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
     places = value.denominator.bit_length()
     # A repeating decimal: fifty digits and the half-width of the cut
     if 10**places % value.denominator:
-        text, cut = at_place(value, decimal_magnitude(value) - 50)
+        text, cut = round_to_place(value, decimal_magnitude(value) - 50)
         return text, rounded_up(cut)
     while places and not value.numerator * 10 ** (places - 1) % value.denominator:
         places -= 1
-    return at_place(value, -places)[0], "0"
+    return round_to_place(value, -places)[0], "0"
 
 
-def at_place(
+def round_to_place(
     value: Fraction, place: int, rounding: Callable[[Fraction], int] = round
 ) -> tuple[str, Fraction]:
     """Round ``value`` to a multiple of ``10**place`` and return it with the change.

@@ -22,7 +22,7 @@ from fractions import Fraction
 from typing import Any, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import entries, exact, shown
+from tippedisk_verify.model.exact import as_list, exact, short_text
 from tippedisk_verify.model.friction import FrictionLaw, law_of
 from tippedisk_verify.model.parameters import Constants
 
@@ -35,7 +35,7 @@ __all__ = [
     "field",
     "jacobian",
     "normal_force_over_weight",
-    "one_speed",
+    "require_one_speed",
     "shifted",
     "terms",
 ]
@@ -93,11 +93,13 @@ def checked_speed(omega: object) -> Fraction:
         raise InputError("one speed is needed, not several: `Disk.branch` takes a list of them")
     speed = exact(omega)
     if speed.pi_multiple or not _SLOWEST <= speed.rational < _FASTEST:
-        raise InputError(f"Omega must be a positive decimal below 1e6 rad/s, not {shown(omega)}")
+        raise InputError(
+            f"Omega must be a positive decimal below 1e6 rad/s, not {short_text(omega)}"
+        )
     return speed.rational
 
 
-def one_speed(**ways: object) -> None:
+def require_one_speed(**ways: object) -> None:
     """Raise InputError unless exactly one of several ways to give a speed is used.
 
     Args:
@@ -122,7 +124,7 @@ def checked_speeds(omegas: object) -> list[Fraction]:
     Raises:
         InputError: If an entry is not a speed, as in `checked_speed`.
     """
-    return [checked_speed(omega) for omega in entries(omegas)]
+    return [checked_speed(omega) for omega in as_list(omegas)]
 
 
 class Terms(NamedTuple):

@@ -24,16 +24,16 @@ __all__ = [
     "Approximate",
     "Binary",
     "Exact",
-    "entries",
+    "as_list",
     "exact",
     "fraction",
+    "integer_between",
     "long_fraction",
     "mantissa_exponent",
     "plain_number",
     "quotient",
     "refuse_qualified",
-    "shown",
-    "whole",
+    "short_text",
 ]
 
 # A larger decimal exponent is a mistake, and would cost memory without bound.
@@ -172,7 +172,7 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
         return Exact(value.value)
     refuse_qualified(value)
     if isinstance(value, bool | complex | None):
-        raise InputError(f"a real number is needed, not {shown(value)}")
+        raise InputError(f"a real number is needed, not {short_text(value)}")
     for base in (str, float, Decimal):
         if isinstance(value, base):
             return base(value)
@@ -192,7 +192,7 @@ def refuse_qualified(value: Any) -> None:
     if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
         return
     if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
-        raise InputError(_HAS_UNIT.format(shown(value)))
+        raise InputError(_HAS_UNIT.format(short_text(value)))
     mask = getattr(value, "mask", False)  # in pandas a method
     if not callable(mask) and getattr(mask, "any", lambda: mask)():
         raise InputError("a number is needed, not a masked one")
@@ -225,7 +225,7 @@ def _binary(value: Any) -> Binary | float | None:
         mantissa, exponent = numpy.frexp(value)
         return Binary(int(numpy.ldexp(mantissa, 64)), int(exponent) - 64)
     if hasattr(value, "rad") and value.rad() != 0:
-        raise InputError(f"a number is needed, not the ball {shown(value)}: give its midpoint")
+        raise InputError(f"a number is needed, not the ball {short_text(value)}: give its midpoint")
     parts = None if callable(value) else getattr(value, "_mpf_", None)
     if parts is None:
         return None
@@ -245,7 +245,7 @@ def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
         raise unknown
     if hasattr(value, "item") and hasattr(value, "shape"):
         if getattr(value.dtype, "kind", "") in ("m", "M"):  # NumPy's time spans and dates
-            raise InputError(_HAS_UNIT.format(shown(value)))
+            raise InputError(_HAS_UNIT.format(short_text(value)))
         if (count := math.prod(value.shape)) != 1:
             raise InputError(f"one number is needed, not an array of {count}")
         return plain_number(value.item())
@@ -265,7 +265,7 @@ def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
         raise unknown from None
 
 
-def entries(values: object) -> list[Any]:
+def as_list(values: object) -> list[Any]:
     """Return the entries of a list or an array; a single number or text is the only entry.
 
     Args:
@@ -305,7 +305,7 @@ def exact(value: object) -> Exact:
         return _parse(str(number))
     pair = mantissa_exponent(number)
     if pair is None or abs(pair.exponent) > _MAX_BINARY_EXPONENT:
-        raise InputError(f"a finite number is needed, not {shown(value)}")
+        raise InputError(f"a finite number is needed, not {short_text(value)}")
     mantissa, exponent = pair
     return Exact(
         Fraction(mantissa << exponent) if exponent >= 0 else Fraction(mantissa, 1 << -exponent)
@@ -323,7 +323,7 @@ def fraction(value: object) -> Fraction:
     """
     number = exact(value)
     if number.pi_multiple:
-        raise InputError(f"a number without a multiple of pi is needed, not {shown(value)}")
+        raise InputError(f"a number without a multiple of pi is needed, not {short_text(value)}")
     return number.rational
 
 
@@ -353,7 +353,7 @@ def quotient(ctx: Any, value: Fraction) -> Any:
     return ctx.mpf(value.numerator) / value.denominator
 
 
-def whole(value: object, least: int, most: int) -> int | None:
+def integer_between(value: object, least: int, most: int) -> int | None:
     """Convert an integer of any kind to an int if ``least <= value <= most``; return None for any
     other object.
 
@@ -370,7 +370,7 @@ def whole(value: object, least: int, most: int) -> int | None:
     return int(number.rational) if least <= number.rational <= most else None
 
 
-def shown(value: object) -> str:
+def short_text(value: object) -> str:
     """Return a value as text for a message: its first forty characters, on one line."""
     try:
         # `python -bb` refuses str() of these
@@ -474,7 +474,7 @@ def mantissa_exponent(value: object) -> Binary | None:
         return Binary(numerator, 1 - denominator.bit_length())
     if isinstance(number, Binary):
         return number
-    raise InputError(f"a floating-point number is needed, not {shown(value)}")
+    raise InputError(f"a floating-point number is needed, not {short_text(value)}")
 
 
 def _heyoka_mantissa(value: Any, precision_bits: int) -> Binary | float:

@@ -25,7 +25,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction, shown
+from tippedisk_verify.model.exact import fraction, short_text
 from tippedisk_verify.model.precision import bits
 
 __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used", "law_of"]
@@ -37,7 +37,7 @@ _MAX_NAME = 40  # characters, so that a title stays on its line
 FORCE_CONSTANTS = ("m", "g", "mu", "epsilon", "pi")  #: the constants that a force may read
 _PROBES = (0.001, 0.1, 0.7, 1.0, 2.5, 30.0)  # sliding velocities, for constants of value 1
 _GUARD_CONSTANTS = ("k", "traction")
-#: The weight keeps the guard's variable near the size of the angles in runs of some minutes.
+# The weight keeps the guard's variable near the size of the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-6
 _IMAGINARY_STEP = (
     1e-150  # imaginary step; its square is far below the rounding of any sliding velocity
@@ -95,17 +95,17 @@ class FrictionLaw:
     values: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     is_linear: ClassVar[bool] = False
-    has_guard: ClassVar[bool] = True  # see `guard`
+    has_guard: ClassVar[bool] = True  #: see `guard`
 
     def __post_init__(self) -> None:
         name = self.name
         if not isinstance(name, str) or not name.isprintable() or not 0 < len(name) <= _MAX_NAME:
             raise InputError(
                 f"a friction law's name is one line of at most {_MAX_NAME} characters, not "
-                f"{shown(name)}"
+                f"{short_text(name)}"
             )
         if not isinstance(self.two_sided, bool):
-            raise InputError(f"two_sided is True or False, not {shown(self.two_sided)}")
+            raise InputError(f"two_sided is True or False, not {short_text(self.two_sided)}")
         if name in get_args(Friction) and type(self) is FrictionLaw:
             raise InputError(f"'{name}' is one of the paper's laws: choose another name")
         object.__setattr__(self, "values", self.values_now())
@@ -405,6 +405,6 @@ def law_of(friction: object) -> FrictionLaw:
     law = LAWS.get(friction) if isinstance(friction, str) else None
     if law is None:
         raise InputError(
-            f"friction law '{shown(friction)}' is not known: use linear or smooth, or a FrictionLaw"
+            f"friction law '{short_text(friction)}' is not known: use linear or smooth, or a FrictionLaw"
         )
     return law

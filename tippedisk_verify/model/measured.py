@@ -18,12 +18,12 @@ from typing import Any
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import (
     arithmetic,
-    at_place,
     decimal_magnitude,
     exact_decimals,
+    round_to_place,
     rounded_up,
 )
-from tippedisk_verify.model.exact import Approximate, fraction, quotient, shown
+from tippedisk_verify.model.exact import Approximate, fraction, quotient, short_text
 
 __all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 
@@ -38,7 +38,9 @@ _DOUBLE_DIGITS = 12  # the maximum number of digits for which doubles are used
 _SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this many bits are not used
 
 
-def _of_two(act: Callable[[Bounded, Measured], Measured]) -> Callable[[Bounded, object], Measured]:
+def _operator_method(
+    act: Callable[[Bounded, Measured], Measured],
+) -> Callable[[Bounded, object], Measured]:
     """Make a method of two numbers with half-widths accept any number as its second operand.
 
     The returned method converts that operand to a `Measured` and applies ``act``. It returns
@@ -190,7 +192,7 @@ class Bounded(Approximate):
         low, high = map(rounding, self._ends())
         if low != high:
             raise AccuracyError(
-                f"{self} may be rounded to {shown(low)} or to {shown(high)}: ask for more digits, "
+                f"{self} may be rounded to {short_text(low)} or to {short_text(high)}: ask for more digits, "
                 f"or round float(x)"
             )
         return low
@@ -215,21 +217,21 @@ class Bounded(Approximate):
     def __abs__(self) -> Measured:
         return Measured(abs(self.value), self.uncertainty)
 
-    @_of_two
+    @_operator_method
     def __add__(self, other: Measured) -> Measured:
         return Measured(self.value + other.value, self.uncertainty + other.uncertainty)
 
-    @_of_two
+    @_operator_method
     def __mul__(self, other: Measured) -> Measured:
         mine, its = self.uncertainty, other.uncertainty
         width = abs(self.value) * its + abs(other.value) * mine + mine * its
         return Measured(self.value * other.value, width)
 
     __radd__, __rmul__ = __add__, __mul__
-    __sub__ = _of_two(lambda mine, other: mine + -other)
-    __rsub__ = _of_two(lambda mine, other: other + -mine)
-    __truediv__ = _of_two(lambda mine, other: mine * other._inverse())
-    __rtruediv__ = _of_two(lambda mine, other: other * mine._inverse())
+    __sub__ = _operator_method(lambda mine, other: mine + -other)
+    __rsub__ = _operator_method(lambda mine, other: other + -mine)
+    __truediv__ = _operator_method(lambda mine, other: mine * other._inverse())
+    __rtruediv__ = _operator_method(lambda mine, other: other * mine._inverse())
 
     def _inverse(self) -> Measured:
         least = abs(self.value) - self.uncertainty
@@ -237,7 +239,7 @@ class Bounded(Approximate):
             raise ZeroDivisionError(f"{self} may be zero")
         return Measured(1 / self.value, self.uncertainty / (abs(self.value) * least))
 
-    @_of_two
+    @_operator_method
     def __pow__(self, other: Measured) -> Measured:
         """Return this number raised to a power, with a half-width.
 
@@ -320,8 +322,8 @@ class HalfWidth(Fraction):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
-#: A half-width that stands for none, and the bound beyond which sums and products with such a
-#: number stay. Exponentials end at 1e43000, far below it.
+# A half-width that stands for none, and the bound beyond which sums and products with such a
+# number stay. Exponentials end at 1e43000, far below it.
 _INFINITE, _UNMEASURED = HalfWidth(1 << 400_000), HalfWidth(1 << 330_000)
 
 
@@ -380,7 +382,7 @@ class Measured(Bounded):
         exact_value = fraction(value)
         if exact_value and digits > _DOUBLE_DIGITS:
             exact_value = Fraction(
-                at_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0]
+                round_to_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0]
             )
         return cls(exact_value, _INFINITE)
 
@@ -434,7 +436,7 @@ class Measured(Bounded):
             ], "infinite"
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to
         # it.
-        text, change = at_place(self.value, decimal_magnitude(self.uncertainty) - 2)
+        text, change = round_to_place(self.value, decimal_magnitude(self.uncertainty) - 2)
         return text, rounded_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str | None]:

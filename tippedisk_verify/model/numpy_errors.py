@@ -13,16 +13,17 @@ from functools import cached_property
 from inspect import isfunction
 from typing import TypeVar
 
-__all__ = ["undisturbed", "undisturbed_methods"]
+__all__ = ["ignore_numpy_errors", "ignore_numpy_errors_in_methods"]
 
 C = TypeVar("C", bound=type)
 
 
 @contextmanager
-def undisturbed() -> Iterator[None]:
+def ignore_numpy_errors() -> Iterator[None]:
     """Ignore NumPy's floating-point errors while the context is entered.
 
-    ``@undisturbed()`` decorates a public function. NumPy is loaded when the function is called.
+    ``@ignore_numpy_errors()`` decorates a public function. NumPy is loaded when the function is
+    called.
     """
     import numpy
 
@@ -30,8 +31,9 @@ def undisturbed() -> Iterator[None]:
         yield
 
 
-def undisturbed_methods(kind: C) -> C:
-    """Make all public methods of a class `undisturbed`, its properties and ``__call__`` included.
+def ignore_numpy_errors_in_methods(kind: C) -> C:
+    """Decorate all public methods of a class with `ignore_numpy_errors`, its properties and
+    ``__call__`` included.
 
     Args:
         kind: The class, which is changed.
@@ -43,11 +45,11 @@ def undisturbed_methods(kind: C) -> C:
         if name[0] == "_" and name != "__call__":
             continue
         if isfunction(member):
-            setattr(kind, name, undisturbed()(member))
+            setattr(kind, name, ignore_numpy_errors()(member))
         elif isinstance(member, classmethod):
-            setattr(kind, name, classmethod(undisturbed()(member.__func__)))
+            setattr(kind, name, classmethod(ignore_numpy_errors()(member.__func__)))
         elif isinstance(member, cached_property):
-            member.func = undisturbed()(member.func)
+            member.func = ignore_numpy_errors()(member.func)
         elif isinstance(member, property) and member.fget is not None:
-            setattr(kind, name, property(undisturbed()(member.fget)))
+            setattr(kind, name, property(ignore_numpy_errors()(member.fget)))
     return kind

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, NoReturn
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file, read_bytes, write_text
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import PI, fraction, quotient, shown
+from tippedisk_verify.model.exact import PI, fraction, quotient, short_text
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
 from tippedisk_verify.model.friction_checks import refuse_unusable
 from tippedisk_verify.model.measured import Measured
@@ -144,11 +144,11 @@ class Parameters(Printable):
                 faults.append(f"parameter {item.name}: {fault}")
                 continue
             if number <= 0:
-                faults.append(f"parameter {item.name} must be positive, not {shown(value)}")
+                faults.append(f"parameter {item.name} must be positive, not {short_text(value)}")
             elif not _MIN_PARAMETER <= number <= 1 / _MIN_PARAMETER:
                 faults.append(
                     f"parameter {item.name} must lie between 1e-30 and 1e30 in SI units, "
-                    f"not {shown(value)}"
+                    f"not {short_text(value)}"
                 )
             object.__setattr__(self, item.name, number)
         law = law_of(self.friction)
@@ -405,7 +405,7 @@ class Parameters(Printable):
             ) from None
 
 
-#: The names of the numbers: the eight that the equations need, and C.
+# The names of the numbers: the eight that the equations need, and C.
 _QUANTITIES = tuple(item.name for item in fields(Parameters) if item.metadata)
 
 

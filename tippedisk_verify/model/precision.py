@@ -21,11 +21,11 @@ from tippedisk_verify.model.exact import (
     PI,
     Exact,
     exact,
+    integer_between,
     mantissa_exponent,
     plain_number,
     refuse_qualified,
-    shown,
-    whole,
+    short_text,
 )
 
 if TYPE_CHECKING:
@@ -168,7 +168,7 @@ class Precision:
             try:
                 double = number if isinstance(number, float) else float(exact(number))
             except OverflowError:
-                raise InputError(f"{shown(value)} is too large for double precision") from None
+                raise InputError(f"{short_text(value)} is too large for double precision") from None
             if not math.isfinite(double):
                 raise InputError(f"a finite number is needed, not {double}")
             return double
@@ -192,7 +192,7 @@ class Precision:
         import numpy
 
         if isinstance(values, str | bytes):
-            raise InputError(f"a list of numbers is needed, not the text '{shown(values)}'")
+            raise InputError(f"a list of numbers is needed, not the text '{short_text(values)}'")
         refuse_qualified(values)
         return numpy.array([self.number(value) for value in values], dtype=self._element)
 
@@ -260,7 +260,7 @@ class Precision:
 
         pair = mantissa_exponent(value)
         if pair is None:
-            raise InputError(f"a finite number is needed, not {shown(value)}")
+            raise InputError(f"a finite number is needed, not {short_text(value)}")
         return self.context.make_mpf(from_man_exp(*pair))
 
     def _from_mantissa(self, mantissa: int, exponent: int) -> Any:
@@ -299,10 +299,10 @@ def bits(count: int) -> Precision:
     Raises:
         InputError: If ``count`` is not an integer from 24 to 4,000,000.
     """
-    number = whole(count, 24, _MAX_BITS)
+    number = integer_between(count, 24, _MAX_BITS)
     if number is None:
         raise InputError(
-            f"a precision of {shown(count)} bits is not offered: use 24 to {_MAX_BITS}"
+            f"a precision of {short_text(count)} bits is not offered: use 24 to {_MAX_BITS}"
         )
     return Precision("real", number)
 
@@ -342,7 +342,7 @@ def bits_for_digits(digits: int) -> int:
         InputError: If `bits` does not offer an arithmetic of that size.
     """
     if not 1 <= digits <= _MAX_BITS / math.log2(10) - 1:
-        raise InputError(f"an arithmetic of {shown(digits)} digits is not offered")
+        raise InputError(f"an arithmetic of {short_text(digits)} digits is not offered")
     return max(24, math.ceil(digits * math.log2(10)) + 1)
 
 
@@ -355,7 +355,7 @@ def checked_digits(digits: object) -> int:
     Raises:
         InputError: If ``digits`` is not an integer from 1 to 4000.
     """
-    number = whole(digits, 1, _MAX_DIGITS)
+    number = integer_between(digits, 1, _MAX_DIGITS)
     if number is None:
         kind = (
             "the text "
@@ -365,7 +365,7 @@ def checked_digits(digits: object) -> int:
             else ""
         )
         raise InputError(
-            f"digits are a whole number from 1 to {_MAX_DIGITS}, not {kind}{shown(digits)}"
+            f"digits are a whole number from 1 to {_MAX_DIGITS}, not {kind}{short_text(digits)}"
         )
     return number
 

@@ -27,13 +27,13 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import file_ending_in, read_text, write_text
+from tippedisk_verify.files import checked_file_path, read_text, write_text
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import Exact, exact, long_fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["RESULT_FORMAT", "number", "read_saved", "saved_numbers", "write_saved"]
+__all__ = ["RESULT_FORMAT", "read_number", "read_saved", "saved_numbers", "write_saved"]
 
 RESULT_FORMAT = "tippedisk-verify result 1"  #: the name and version of the form of these files
 _MAX_FILE_BYTES = 2**30  # bytes; a file with a million samples is about half as large
@@ -66,7 +66,7 @@ def saved_numbers(value: Any) -> Any:
     return exact_text(parts.rational)
 
 
-def number(entry: Any) -> Any:
+def read_number(entry: Any) -> Any:
     """Convert an entry of a saved file back to the number that was saved.
 
     Args:
@@ -76,7 +76,7 @@ def number(entry: Any) -> Any:
         An `Exact`, a `Measured` if the entry has a half-width, or infinity.
     """
     if isinstance(entry, Mapping) and "value" in entry:
-        value, width = long_fraction(entry["value"]), number(entry["uncertainty"])
+        value, width = long_fraction(entry["value"]), read_number(entry["uncertainty"])
         if width == math.inf:
             return Measured.without_half_width(value)
         return Measured(value, width.rational)
@@ -113,7 +113,7 @@ def write_saved(
         "disk": {**disk.exact_texts(), "name": disk.name, "friction": disk.friction},
         **entries,
     }
-    return write_text(file_ending_in(str(path), ".json"), json.dumps(content, indent=1) + "\n")
+    return write_text(checked_file_path(str(path), ".json"), json.dumps(content, indent=1) + "\n")
 
 
 def read_saved(path: str | PathLike[str]) -> dict[str, Any]:

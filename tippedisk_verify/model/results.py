@@ -14,7 +14,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.decimals import exact_decimals
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 
 __all__ = [
     "COORDINATES",
@@ -58,7 +58,7 @@ COORDINATES = {
     ),
 }
 _UNITLESS = ("1", "SI")  # not printed
-#: The unit of each name; one name has one unit in all results.
+# The unit of each name; one name has one unit in all results.
 _UNITS = {name: coordinate.unit for name, coordinate in COORDINATES.items()}
 
 
@@ -90,16 +90,16 @@ class Printable:
 
     __slots__ = ()
 
-    #: The entries that are listed, all fields if empty; the entries that come first; the entries
-    #: that are left out, because they hold the disk or the method.
+    # The entries that are listed, all fields if empty; the entries that come first; the entries
+    # that are left out, because they hold the disk or the method.
     _listed: ClassVar[tuple[str, ...]] = ()
     _first: ClassVar[tuple[str, ...]] = ()
     _omitted: ClassVar[tuple[str, ...]] = ("parameters", "disk", "engine", "precision", "residuals")
 
-    #: A longer list is printed by its first and its last entry.
+    # A longer list is printed by its first and its last entry.
     _max_list_entries: ClassVar[int] = 4
 
-    #: True for a class whose methods do not use NumPy, so that it is not loaded for them.
+    # True for a class whose methods do not use NumPy, so that it is not loaded for them.
     _without_numpy: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
@@ -111,7 +111,7 @@ class Printable:
             (name, item.unit) for name, item in known if item and item.unit not in _UNITLESS
         )
         if not vars(cls).get("_without_numpy"):
-            undisturbed_methods(cls)
+            ignore_numpy_errors_in_methods(cls)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the result as plain data for JSON.

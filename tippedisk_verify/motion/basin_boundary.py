@@ -38,8 +38,8 @@ __all__ = ["BasinBoundary"]
 _DECAY_EXPONENT = 37.0  # exp(-37), the rest of the fast direction, is below a double's rounding
 _MIN_TURNS, _MAX_TURNS = 2, 60
 _TRANSIENT = 0.5  # s after which a start with any v is on the slow manifold
-#: A half-width in units of the distance between roots after different numbers of turns, as for
-#: cycles (see `error_budget`).
+# A half-width in units of the distance between roots after different numbers of turns, as for
+# cycles (see `error_budget`).
 _ROOT_FACTOR = 4
 _SEARCH_RADIUS = 1e-6  # rad about a root, in which the root after another number of turns lies
 _INFINITE_DISTANCE = math.pi  # rad; stands for an infinite distance from the sheet

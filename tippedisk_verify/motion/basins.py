@@ -28,16 +28,16 @@ from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Requ
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import shown, whole
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.exact import integer_between, short_text
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.motion.scenes import from_inverted
+from tippedisk_verify.motion.scenes import angle_from_inverted
 from tippedisk_verify.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
-__all__ = ["MAX_ABS_V", "OUTCOMES", "Basins", "basins", "outcomes_of"]
+__all__ = ["MAX_ABS_V", "OUTCOMES", "Basins", "basins", "integrate_outcomes"]
 
 OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
@@ -50,7 +50,7 @@ _FLAT = Event("lies flat", FLAT.function, terminal=False)
 _SECTION = Event("section", SECTION.function, terminal=False)
 _TOP_OR_BOTTOM = Event("top or bottom", GAMMA_TOP.function, terminal=False)
 _MAX_STATES = 10_000_000  # they take about 1.5 GB
-MAX_ABS_V = 1000.0  # rad/s; the largest |v| of a state
+MAX_ABS_V = 1000.0  #: rad/s; the largest |v| of a state
 
 _NamedState = tuple[str, Sequence[float]]  # event and state
 
@@ -106,7 +106,7 @@ class Basins(Printable):
         }
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def basins(
     parameters: Parameters,
     omega: object,
@@ -142,10 +142,10 @@ def basins(
     duration, v, known_count = (
         DOUBLE.number(duration),
         DOUBLE.number(v),
-        whole(count, 1, _MAX_STATES),
+        integer_between(count, 1, _MAX_STATES),
     )
     if known_count is None:
-        raise InputError(f"1 to {_MAX_STATES} states can be run, not {shown(count)}")
+        raise InputError(f"1 to {_MAX_STATES} states can be run, not {short_text(count)}")
     if not _LAST_SECONDS < duration <= 10_000:
         raise InputError(
             f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, "
@@ -154,7 +154,7 @@ def basins(
     if not abs(v) <= MAX_ABS_V:
         raise InputError(f"v must lie between -{MAX_ABS_V:g} and {MAX_ABS_V:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
-        raise InputError(f"a seed is a whole number that is not negative, not {shown(seed)}")
+        raise InputError(f"a seed is a whole number that is not negative, not {short_text(seed)}")
     columns = max(1, math.ceil(math.sqrt(2 * known_count)))  # gamma's range is twice beta's
     rows = math.ceil(known_count / columns)
     random = numpy.random.default_rng(seed)
@@ -163,7 +163,7 @@ def basins(
     gamma = (numpy.arange(columns)[None, :] + place[1]) / columns * 2 * math.pi - math.pi / 2
     states = numpy.column_stack((beta.ravel(), gamma.ravel(), numpy.full(beta.size, v)))
     classify = partial(
-        outcomes_of,
+        integrate_outcomes,
         parameters=parameters,
         omega=speed,
         duration=duration,
@@ -219,7 +219,7 @@ class Attractors:
             crossings: The name and the state of each crossing, in their order.
         """
         amplitudes = [
-            abs(from_inverted(state[1])) for name, state in crossings if name == _SECTION.name
+            abs(angle_from_inverted(state[1])) for name, state in crossings if name == _SECTION.name
         ]
         tops = [
             state
@@ -245,7 +245,7 @@ def _closer(before: float, after: float, cycle: float) -> bool:
     return abs(after - cycle) < max(0.95 * abs(before - cycle), cycle / 100)
 
 
-def outcomes_of(
+def integrate_outcomes(
     states: Any, parameters: Parameters, omega: Fraction, duration: float, attractors: Attractors
 ) -> Any:
     """Integrate one portion of initial states and return their outcomes, as indices into

@@ -29,8 +29,8 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.flow.system import by_constants
-from tippedisk_verify.model.arrays import doubles, half_widths, numpy_safe
-from tippedisk_verify.model.exact import Exact, entries, exact, shown
+from tippedisk_verify.model.arrays import half_widths, numpy_safe, round_to_doubles
+from tippedisk_verify.model.exact import Exact, as_list, exact, short_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -50,7 +50,7 @@ _SAMPLES = 201  # the number of times if none are given
 _MIN_DURATION = 1e-300  # s; in longer runs, even times differ as extended numbers
 _LONG_DURATION = 60  # s; shorter motions are finished before progress would be shown
 _MAX_ANGLE = 100  # rad; gamma of a rotating disk reaches it in a minute, degrees at once
-#: The variables of derivatives, by the names that callers give.
+# The variables of derivatives, by the names that callers give.
 _VARIABLES: dict[str, tuple[str, ...]] = {
     "state": STATE_VARIATIONS,
     **{name: (name,) for name in ("omega", *SYMBOLS)},
@@ -100,7 +100,7 @@ class Motion:
         times: Any = None
         self._times: Any = None  # exact, from time 0
         if t_eval is not None:
-            self._times, times = since_start(start, end, entries(t_eval))
+            self._times, times = since_start(start, end, as_list(t_eval))
         elif length := float(end - start):
             self._times = EvenTimes(start, end, _SAMPLES)
             extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
@@ -215,9 +215,9 @@ class Motion:
             precision=precision.name,
             times=asked,
             note=_note(request),
-            _watched=tuple(event.name for event in request.events),
+            _event_names=tuple(event.name for event in request.events),
             _start=self._start,
-            _final=self._end,
+            _end_time=self._end,
             _request=request,
             _engine=self.engine,
         )
@@ -252,7 +252,7 @@ def _note(request: Request) -> str:
     if beta <= math.tau and gamma <= _MAX_ANGLE:
         return unmeasured
     name, value = ("beta", state[0]) if beta > math.tau else ("gamma", state[1])
-    degrees = f"angles are in radians, and {name}{'_bar' if shifted else ''} = {shown(value)} is many turns"
+    degrees = f"angles are in radians, and {name}{'_bar' if shifted else ''} = {short_text(value)} is many turns"
     return f"{degrees}; {unmeasured}" if unmeasured else degrees
 
 
@@ -262,7 +262,7 @@ def _several(names: Any) -> Any:
 
 def _named(name: object, names: dict[str, Any]) -> Any:
     if not isinstance(name, str) or name not in names:
-        raise InputError(f"{shown(name)} is not one of {', '.join(names)}")
+        raise InputError(f"{short_text(name)} is not one of {', '.join(names)}")
     return names[name]
 
 
@@ -293,7 +293,7 @@ def _derivatives(
         roundings = [len(row) - (factor == 1) for factor in factors]
         width = sum(
             half_widths(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
-            + k * float(precision.epsilon) * doubles(abs(term))
+            + k * float(precision.epsilon) * round_to_doubles(abs(term))
             for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
         )
         return numpy_safe(sum(terms[1:], terms[0])), width

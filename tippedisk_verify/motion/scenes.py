@@ -17,7 +17,7 @@ import numpy
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.exact import PI, Exact, exact, shown
+from tippedisk_verify.model.exact import PI, Exact, exact, short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.results import Printable
@@ -31,7 +31,7 @@ __all__ = [
     "Ending",
     "Orbit",
     "Scene",
-    "from_inverted",
+    "angle_from_inverted",
     "scene_named",
     "section_amplitudes",
     "top_leans",
@@ -59,7 +59,7 @@ _CROSSING_ERROR = 1e-12
 AttractorKind = Literal[
     "inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"
 ]
-#: The name of an amplitude in JSON.
+# The name of an amplitude in JSON.
 _AMPLITUDES = {"limit cycle": "gamma_bar_at_section", "rotating limit cycle": "beta_bar_at_top"}
 
 
@@ -123,12 +123,12 @@ def scene_named(name: str) -> Scene:
     for scene in SCENES:
         if scene.name == name:
             return scene
-    raise InputError(f"scene '{shown(name)}' is not known: use a, b, c, d, e, f or all")
+    raise InputError(f"scene '{short_text(name)}' is not known: use a, b, c, d, e, f or all")
 
 
 @dataclass(frozen=True, repr=False)
 class Ending(Printable):
-    """The attractor on which an orbit ends, by the criterion of `classified`."""
+    """The attractor on which an orbit ends, by the criterion of `classify_orbit`."""
 
     kind: AttractorKind
     reason: str
@@ -182,7 +182,7 @@ class ComputedScene(Printable):
         }
 
 
-def computed_scene(
+def compute_scene(
     scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
 ) -> ComputedScene:
     """Integrate the orbits of a scene of the paper and determine their attractors.
@@ -232,7 +232,7 @@ def computed_scene(
             ending, timed = _flat(request, engine, omega)
             compiled |= dict.fromkeys(timed.built)
         else:
-            ending = classified(result, times, float(omega), stable)
+            ending = classify_orbit(result, times, float(omega), stable)
         count = len(result.samples)
         orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
     return ComputedScene(
@@ -246,7 +246,7 @@ def computed_scene(
     )
 
 
-def classified(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
+def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
     """Return the attractor of an orbit that keeps standing.
 
     The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide. By the
@@ -336,7 +336,7 @@ def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
         InputError: If the result has no dense output.
     """
     when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
-    return when, abs(from_inverted(states[:, 1]))
+    return when, abs(angle_from_inverted(states[:, 1]))
 
 
 def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
@@ -354,12 +354,12 @@ def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
         InputError: If the result has no dense output.
     """
     when, states = _crossings(
-        times, result, lambda y: from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
+        times, result, lambda y: angle_from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
     )
     return when, abs(states[:, 0] - math.pi / 2)
 
 
-def from_inverted(gamma: Any) -> Any:
+def angle_from_inverted(gamma: Any) -> Any:
     """Return gamma - pi/2 modulo 2 pi, from -pi to pi.
 
     Args:

@@ -19,9 +19,9 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
-from tippedisk_verify.model.arrays import doubles, numpy_safe
+from tippedisk_verify.model.arrays import numpy_safe, round_to_doubles
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import Exact, entries, exact, fraction
+from tippedisk_verify.model.exact import Exact, as_list, exact, fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -87,10 +87,10 @@ class Solution(Printable):
     precision: str
     times: Sequence[Exact]  #: the exact times that ``t`` rounds [s]
     note: str  #: a warning about the numbers, or an empty text
-    _watched: tuple[str, ...]  #: the names of the requested events
+    _event_names: tuple[str, ...]  # the names of the requested events
     _start: Exact
-    _final: Exact  #: the requested end of the run [s]
-    _request: Request | None  #: None if the solution was loaded, as is the engine
+    _end_time: Exact  # the requested end of the run [s]
+    _request: Request | None  # None if the solution was loaded, as is the engine
     _engine: Engine | None
 
     def __getstate__(self) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class Solution(Printable):
         """The times (k,) [s] of the crossings of each requested event."""
         return [
             numpy_safe(numpy.array([record.time for record in self._of(name)]))
-            for name in self._watched
+            for name in self._event_names
         ]
 
     @property
@@ -125,7 +125,7 @@ class Solution(Printable):
         """The states (k, 3) at the crossings of each requested event."""
         return [
             numpy_safe(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3))
-            for name in self._watched
+            for name in self._event_names
         ]
 
     def _of(self, name: str) -> list[EventRecord]:
@@ -161,8 +161,8 @@ class Solution(Printable):
         Raises:
             InputError: If a time lies outside the run, or the solution was loaded.
         """
-        (engine, request), asked = self._run, entries(t)
-        end = self._final if self.status is Status.REACHED else exact(self.end.time)
+        (engine, request), asked = self._run, as_list(t)
+        end = self._end_time if self.status is Status.REACHED else exact(self.end.time)
         _, times = since_start(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
@@ -195,10 +195,10 @@ class Solution(Printable):
             figure.suptitle(
                 f"{self.disk.name}, {self.disk.law} friction, Ω = {float(fraction(self.omega)):.10g} rad/s"
             )
-        times, states = doubles(self.t), doubles(self.y)
+        times, states = round_to_doubles(self.t), round_to_doubles(self.y)
         if self._request is not None and times.size:
             times = numpy.linspace(times[0], times[-1], _PLOTTED)
-            states = doubles(self(times))
+            states = round_to_doubles(self(times))
         names = dict.fromkeys(event.name for event in self.events)
         labels = ("β [rad]", "γ [rad]", "v = dβ/dt [rad/s]")
         for row, (axis, label) in enumerate(zip(axes, labels, strict=True)):
@@ -230,7 +230,7 @@ class Solution(Printable):
             InputError: If the friction law is a user's own, a state is not finite, or the file
                 cannot be written.
         """
-        from tippedisk_verify.motion.result_files import save_solution
+        from tippedisk_verify.motion.saved_results import save_solution
 
         return save_solution(self, path)
 
@@ -284,5 +284,5 @@ class Solution(Printable):
         """
         entries = {name: entry for name, entry in self.end.to_dict().items() if name != "name"}
         if self.status is Status.REACHED:
-            entries["t"] = {"value": decimal_time(self._final), "uncertainty": "0"}
+            entries["t"] = {"value": decimal_time(self._end_time), "uncertainty": "0"}
         return entries

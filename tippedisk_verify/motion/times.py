@@ -10,8 +10,8 @@ from typing import Any, overload
 import numpy
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import at_place, decimal_magnitude, exact_decimals
-from tippedisk_verify.model.exact import Exact, exact, shown
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_decimals, round_to_place
+from tippedisk_verify.model.exact import Exact, exact, short_text
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["EvenTimes", "decimal_time", "since_start", "span_of"]
@@ -70,7 +70,7 @@ def decimal_time(time: Exact) -> str:
         return exact_decimals(time.rational)[0]
     low, high = time.enclosed(_CUT_BITS)
     middle = (low + high) / 2
-    return at_place(middle, decimal_magnitude(middle) - _CUT_DIGITS)[0] if middle else "0"
+    return round_to_place(middle, decimal_magnitude(middle) - _CUT_DIGITS)[0] if middle else "0"
 
 
 def span_of(time: Any) -> tuple[Exact, Exact]:
@@ -82,12 +82,12 @@ def span_of(time: Any) -> tuple[Exact, Exact]:
     ends = time if isinstance(time, tuple | list) or getattr(time, "ndim", False) else (0, time)
     if len(ends) != 2:
         raise InputError(
-            f"a time span is a duration or a pair (t0, t1), not {shown(time)}: "
+            f"a time span is a duration or a pair (t0, t1), not {short_text(time)}: "
             f"`t_eval` takes more times"
         )
     start, end = exact(ends[0]), exact(ends[1])
     if max(abs(start.rational), abs(end.rational)) > _MAX_TIME:
-        raise InputError(f"a run starts and ends within 1e300 s of 0, not at {shown(time)}")
+        raise InputError(f"a run starts and ends within 1e300 s of 0, not at {short_text(time)}")
     return start, end
 
 

@@ -41,7 +41,7 @@ from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_pol
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.results import Eigenvalue, Printable, quantity
@@ -189,7 +189,9 @@ def proved_equilibrium(
     double.
     """
     if name not in _EQUILIBRIA:
-        raise InputError(f"equilibrium '{shown(name)}' is unknown: use inverted or noninverted")
+        raise InputError(
+            f"equilibrium '{short_text(name)}' is unknown: use inverted or noninverted"
+        )
     speed = checked_speed(omega)
     polynomial = exact_polynomial(parameters.rational(), speed, _EQUILIBRIA[name])
     a0, a1, a2, _ = polynomial.coeffs()

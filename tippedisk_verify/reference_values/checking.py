@@ -14,12 +14,18 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.items import Item, Reading, Values, case_of, disagreements
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
+from tippedisk_verify.reference_values.questions import (
+    Reading,
+    ReferenceQuestion,
+    Values,
+    case_of,
+    disagreements,
+)
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
 from tippedisk_verify.reference_values.truths import compute_again
 
-__all__ = ["CheckReport", "StoredItem", "check", "recomputed", "stored_questions"]
+__all__ = ["CheckReport", "StoredQuestion", "check", "recompute", "stored_questions"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
@@ -39,10 +45,10 @@ class CheckReport(Printable):
 
 
 @dataclass(frozen=True)
-class StoredItem:
+class StoredQuestion:
     """A question of the reference data, with the stored numbers that answer it."""
 
-    item: Item
+    item: ReferenceQuestion
     quantities: tuple[ReferenceValue, ...]
 
     def values(self, reading: Reading) -> Values:
@@ -50,7 +56,7 @@ class StoredItem:
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
-def stored_questions(store: Store, prefix: str = "") -> list[StoredItem]:
+def stored_questions(store: Store, prefix: str = "") -> list[StoredQuestion]:
     """Group the reference values of a store by question.
 
     Args:
@@ -66,8 +72,9 @@ def stored_questions(store: Store, prefix: str = "") -> list[StoredItem]:
     ):
         quantities = tuple(group)
         entries.append(
-            StoredItem(
-                Item(id_, dict(quantities[0].inputs), tuple(quantities[0].values)), quantities
+            StoredQuestion(
+                ReferenceQuestion(id_, dict(quantities[0].inputs), tuple(quantities[0].values)),
+                quantities,
             )
         )
     return entries
@@ -112,7 +119,7 @@ def check(
         )
     redone = 0
     for entry, (count, wrong) in as_done(
-        recomputed, _chosen(stored_questions(store), sample, seed), executor
+        recompute, _chosen(stored_questions(store), sample, seed), executor
     ):
         redone += count
         faults += wrong
@@ -144,7 +151,7 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     return faults
 
 
-def _chosen(entries: list[StoredItem], sample: int | None, seed: int) -> list[StoredItem]:
+def _chosen(entries: list[StoredQuestion], sample: int | None, seed: int) -> list[StoredQuestion]:
     if sample is None:
         return entries
     draw = random.Random(seed)
@@ -154,7 +161,7 @@ def _chosen(entries: list[StoredItem], sample: int | None, seed: int) -> list[St
     return draw.sample(cheap, min(len(cheap), sample - few)) + draw.sample(costly, few)
 
 
-def recomputed(entry: StoredItem) -> tuple[int, list[str]]:
+def recompute(entry: StoredQuestion) -> tuple[int, list[str]]:
     """Compute the answers to a question again in each of its readings, and compare them with the
     stored ones.
 

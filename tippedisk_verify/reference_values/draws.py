@@ -32,8 +32,8 @@ _RANGES = {
     "epsilon": ("0.06", "0.16", 3),
 }
 _ECCENTRICITY = ("0.04", "0.07")  # e / r
-#: A / Bbar, divided by the least ratio for which the cycles born at Omega_crit are stable. Close
-#: to 1 their family turns round in a fold.
+# A / Bbar, divided by the least ratio for which the cycles born at Omega_crit are stable. Close
+# to 1 their family turns round in a fold.
 _RATIO = ("1.05", "1.12")
 
 

@@ -9,7 +9,7 @@ from decimal import Decimal
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import file_ending_in, output_file, write_table, write_text
+from tippedisk_verify.files import checked_file_path, output_file, write_table, write_text
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
@@ -51,7 +51,7 @@ def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
         return write_table(
-            file_ending_in(path, f".{form}"), [_row(quantity) for quantity in quantities]
+            checked_file_path(path, f".{form}"), [_row(quantity) for quantity in quantities]
         )
     file = output_file(path)
     if form == "jsonl":
@@ -66,15 +66,15 @@ def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
 
-def _row(quantity: ReferenceValue) -> dict[str, str]:
-    return table_row(disk_of(quantity.set).decimals(), quantity)
+def _row(reference_value: ReferenceValue) -> dict[str, str]:
+    return table_row(disk_of(reference_value.set).decimals(), reference_value)
 
 
-def _fields(quantity: ReferenceValue) -> Row:
-    row = _row(quantity)
-    scale = scale_of(quantity, Decimal(row["value_from_doubles"]))
-    tolerance = max(float(scale) * 10 ** -digits_needed(quantity), float(row["rounding"]))
-    numbers = [*(float(row[name] or 0) for name in _INPUTS), quantity.for_doubles, tolerance]
+def _fields(reference_value: ReferenceValue) -> Row:
+    row = _row(reference_value)
+    scale = scale_of(reference_value, Decimal(row["value_from_doubles"]))
+    tolerance = max(float(scale) * 10 ** -digits_needed(reference_value), float(row["rounding"]))
+    numbers = [*(float(row[name] or 0) for name in _INPUTS), reference_value.for_doubles, tolerance]
     return [row[name] for name in _TEXTS], numbers
 
 

@@ -16,15 +16,15 @@ from functools import lru_cache
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
-from tippedisk_verify.reference_values.items import (
+from tippedisk_verify.reference_values.questions import (
     READINGS,
     STORED_DIGITS,
-    Item,
     Reading,
+    ReferenceQuestion,
     case_of,
     rounded_to_digits,
 )
-from tippedisk_verify.reference_values.store import ReferenceValue, Store, stored
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
 from tippedisk_verify.reference_values.truths import as_reference_value, compute, condition
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -41,12 +41,12 @@ _MAX_ENTRIES = 42 * MAX_STATES // STATES_PER_DISK  # the maximum on one sheet; a
 
 
 @lru_cache(maxsize=MAX_STATES // STATES_PER_DISK)
-def _items(set_name: str) -> tuple[Item, ...]:
+def _items(set_name: str) -> tuple[ReferenceQuestion, ...]:
     """Return all questions about a disk that was drawn at random, easiest first."""
     return tuple(_drawn_items(set_name))
 
 
-def _drawn_items(set_name: str) -> Iterator[Item]:
+def _drawn_items(set_name: str) -> Iterator[ReferenceQuestion]:
     drawn = DRAWN_SET.fullmatch(set_name)
     assert drawn is not None
     draw = Draw(int(drawn[1]), int(drawn[2]))
@@ -62,8 +62,8 @@ def _drawn_items(set_name: str) -> Iterator[Item]:
             name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places
         )
 
-    def item(law: str, kind: str, name: str, **inputs: str) -> Item:
-        return Item(f"{set_name}/{law}/{kind}/{name}", inputs)
+    def item(law: str, kind: str, name: str, **inputs: str) -> ReferenceQuestion:
+        return ReferenceQuestion(f"{set_name}/{law}/{kind}/{name}", inputs)
 
     for n in range(1, STATES_PER_DISK + 1):
         place = f"{n:02d}"
@@ -221,7 +221,7 @@ def _names(kind: str, friction: str) -> tuple[str, ...]:
 
     For orbits, keep only those at the times of a drawn orbit.
     """
-    published = stored().matching(f"table1/{friction}/{kind}/")
+    published = load_store().matching(f"table1/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
     names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]
     return tuple(name for name in names if kind != "trajectory" or name.partition("@")[2] in _TIMES)

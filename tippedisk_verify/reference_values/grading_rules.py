@@ -103,32 +103,34 @@ def split_name(name: str, kind: str) -> tuple[str, dict[str, str]]:
     return name, {}
 
 
-def question_fields(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[str, str]:
+def question_fields(
+    parameters: Mapping[str, str], reference_value: ReferenceValue
+) -> dict[str, str]:
     """Return a question as texts by column, without the columns that do not apply.
 
     Args:
         parameters: The disk's parameters as decimals.
-        quantity: The reference value.
+        reference_value: The reference value.
     """
-    plain, place = split_name(quantity.name, quantity.kind)
+    plain, place = split_name(reference_value.name, reference_value.kind)
     return {
-        "id": quantity.id,
-        "level": str(quantity.level),
-        "kind": quantity.kind,
-        "set": quantity.set,
-        "friction": quantity.friction,
+        "id": reference_value.id,
+        "level": str(reference_value.level),
+        "kind": reference_value.kind,
+        "set": reference_value.set,
+        "friction": reference_value.friction,
         "quantity": plain,
-        "unit": quantity.unit,
+        "unit": reference_value.unit,
         **{symbol: parameters[symbol] for symbol in SYMBOLS},
-        **quantity.inputs,
+        **reference_value.inputs,
         **place,
-        **({"form": "optional"} if is_optional(quantity.id) else {}),
-        "from": "decimals" if "doubles" not in quantity.values else "",
+        **({"form": "optional"} if is_optional(reference_value.id) else {}),
+        "from": "decimals" if "doubles" not in reference_value.values else "",
         "answer": "",
     }
 
 
-def scale_of(quantity: ReferenceValue, value: Decimal) -> Decimal:
+def scale_of(reference_value: ReferenceValue, value: Decimal) -> Decimal:
     """Return the size relative to which the error of an answer is measured.
 
     This is the size of the value. At level 1 it is the largest condition number if that is larger,
@@ -136,64 +138,69 @@ def scale_of(quantity: ReferenceValue, value: Decimal) -> Decimal:
     eigenvalues it is at least 1 in their unit.
     """
     size = value.copy_abs()  # abs() would round
-    if quantity.level == 1:
-        return max([size, *(Decimal(slope).copy_abs() for slope in quantity.condition.values())])
-    if quantity.level == 2 or split_name(quantity.name, quantity.kind)[0].startswith(_UNIT_SIZED):
+    if reference_value.level == 1:
+        return max(
+            [size, *(Decimal(slope).copy_abs() for slope in reference_value.condition.values())]
+        )
+    if reference_value.level == 2 or split_name(reference_value.name, reference_value.kind)[
+        0
+    ].startswith(_UNIT_SIZED):
         return max(size, Decimal(1))
     return size
 
 
 @arithmetic()
-def slopes_of(quantity: ReferenceValue) -> Decimal:
+def slopes_of(reference_value: ReferenceValue) -> Decimal:
     """Return the largest change of a reference value per relative change of its inputs, if each
     changes in its worse direction.
     """
-    return sum((abs(Decimal(slope)) for slope in quantity.condition.values()), Decimal(0))
+    return sum((abs(Decimal(slope)) for slope in reference_value.condition.values()), Decimal(0))
 
 
 @arithmetic()
-def digits_needed(quantity: ReferenceValue) -> float:
+def digits_needed(reference_value: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 
     It is the level's number, or less if a change of the inputs by `ALLOWED_INPUT_CHANGE` spoils more digits.
     If doubles cannot tell the inputs apart, only programs with more digits are asked, and they need
     the level's number.
     """
-    digits = float(DIGITS_REQUIRED[quantity.level])
-    scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
-    condition = float(slopes_of(quantity) / scale) if scale else 0.0
-    if "doubles" in quantity.values and condition:
+    digits = float(DIGITS_REQUIRED[reference_value.level])
+    scale = scale_of(reference_value, Decimal(reference_value.values["decimals"][0]))
+    condition = float(slopes_of(reference_value) / scale) if scale else 0.0
+    if "doubles" in reference_value.values and condition:
         digits = max(
-            min(digits, -math.log10(condition * ALLOWED_INPUT_CHANGE[quantity.level])), _MIN_DIGITS
+            min(digits, -math.log10(condition * ALLOWED_INPUT_CHANGE[reference_value.level])),
+            _MIN_DIGITS,
         )
     return round(digits, 3)  # the same on every processor
 
 
-def table_row(parameters: Mapping[str, str], quantity: ReferenceValue) -> dict[str, str]:
+def table_row(parameters: Mapping[str, str], reference_value: ReferenceValue) -> dict[str, str]:
     """Return the row of a reference value in values.csv, by column.
 
     Args:
         parameters: The disk's parameters as decimals.
-        quantity: The reference value.
+        reference_value: The reference value.
     """
-    row = question_fields(parameters, quantity)
-    scale = scale_of(quantity, Decimal(quantity.values["decimals"][0]))
+    row = question_fields(parameters, reference_value)
+    scale = scale_of(reference_value, Decimal(reference_value.values["decimals"][0]))
     row |= {
         **{
             f"{name}_hex": float(row[name]).hex()
             for name in (*SYMBOLS, *_INPUTS, "t")
-            if name in row and "doubles" in quantity.values
+            if name in row and "doubles" in reference_value.values
         },
         **{
             f"{part}_from_{reading}": text
-            for reading, texts in quantity.values.items()
+            for reading, texts in reference_value.values.items()
             for part, text in zip(("value", "uncertainty"), texts, strict=True)
         },
         "scale": f"{scale:.17g}",
-        "digits_needed": repr(digits_needed(quantity)),
-        "rounding": f"{float(slopes_of(quantity)) * ROUNDING:.3g}",
-        "grade": quantity.grade,
-        "methods": " ".join(map("=".join, quantity.methods.items())),
-        "condition": " ".join(map("=".join, quantity.condition.items())),
+        "digits_needed": repr(digits_needed(reference_value)),
+        "rounding": f"{float(slopes_of(reference_value)) * ROUNDING:.3g}",
+        "grade": reference_value.grade,
+        "methods": " ".join(map("=".join, reference_value.methods.items())),
+        "condition": " ".join(map("=".join, reference_value.condition.items())),
     }
     return {name: row.get(name, "") for name in VALUES_COLUMNS}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.store import Reading, ReferenceValue, Store, stored
+from tippedisk_verify.reference_values.store import Reading, ReferenceValue, Store, load_store
 
 __all__ = ["full_id", "reference", "references"]
 
@@ -75,7 +75,7 @@ def _similar_ids(asked: str) -> list[str]:
     """
     from difflib import get_close_matches
 
-    known, parts = list(stored()), asked.split("/")
+    known, parts = list(load_store()), asked.split("/")
     sharing = [id_ for id_ in known if asked and f"/{id_}".endswith(f"/{asked}")]
     while parts and not sharing:
         sharing = [id_ for id_ in known if id_.startswith("/".join([*parts, ""]))]
@@ -88,10 +88,10 @@ def _with_drawn(prefix: str) -> Store:
     the disk's name.
     """
     if not prefix.startswith("fresh-"):
-        return stored()
+        return load_store()
     from tippedisk_verify.reference_values.fresh import (  # slow to import
         fresh_question_ids,
         with_fresh,
     )
 
-    return with_fresh(stored(), fresh_question_ids(prefix))
+    return with_fresh(load_store(), fresh_question_ids(prefix))

@@ -34,10 +34,10 @@ __all__ = [
     "Store",
     "definition_of",
     "is_optional",
+    "load_store",
     "optional_beside",
     "quantity_definitions",
-    "quantity_of",
-    "stored",
+    "reference_value_of",
     "table_rows",
 ]
 
@@ -174,7 +174,7 @@ class ReferenceValue(Printable, Bounded):
         """
         return float(self.values.get("doubles", self.values["decimals"])[0])
 
-    real = property(float)  # pytest.approx asks numbers for `real` and `imag`
+    real = property(float)  #: pytest.approx asks numbers for `real` and `imag`
     imag = 0.0
 
     def __hash__(self) -> int:
@@ -219,7 +219,7 @@ numbers.Real.register(
 )  # so that pytest.approx compares it as a number, inside lists too
 
 
-#: Inputs other than the parameters and the time, in the order of every entry.
+# Inputs other than the parameters and the time, in the order of every entry.
 _INPUTS = ("Omega", *STATE_NAMES, "equilibrium", "form")
 
 
@@ -257,7 +257,7 @@ class Store(Mapping[str, ReferenceValue]):
         texts = sound_files(folder, ("values.csv", "proofs.json"))
         try:
             proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
-            self._quantities = {row["id"]: quantity_of(row, proofs) for row in rows}
+            self._quantities = {row["id"]: reference_value_of(row, proofs) for row in rows}
             self._optional: dict[str, ReferenceValue] = {}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(
@@ -327,7 +327,7 @@ def table_rows(text: str) -> list[dict[str, str]]:
     return [dict(zip(header, row, strict=True)) for row in rows]
 
 
-def quantity_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> ReferenceValue:
+def reference_value_of(row: Mapping[str, str], proofs: Mapping[str, Any]) -> ReferenceValue:
     """Return the reference value in a row of values.csv.
 
     Args:
@@ -363,6 +363,6 @@ def _pairs(text: str) -> dict[str, str]:
 
 
 @lru_cache(maxsize=1)
-def stored() -> Store:
+def load_store() -> Store:
     """Return the installed reference data, read once in a process."""
     return Store(data_folder())

@@ -29,12 +29,12 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.items import (
+from tippedisk_verify.reference_values.questions import (
     READINGS,
     STORED_DIGITS,
     Case,
-    Item,
     Reading,
+    ReferenceQuestion,
     Values,
     case_of,
     rounded_to_digits,
@@ -134,14 +134,14 @@ def by_differences(
     slopes: Slopes = {}
     moving = [name for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
     for name in (*SYMBOLS, *moving):
-        above, below = (plain(_moved(case, name, 1 + sign * step)) for sign in (1, -1))
+        above, below = (plain(_with_moved_input(case, name, 1 + sign * step)) for sign in (1, -1))
         for quantity in above.keys() & below.keys():
             slope = float((above[quantity] - below[quantity]) / (2 * float(step)))
             slopes.setdefault(quantity, {})[name] = slope
     return slopes
 
 
-def _moved(case: Case, name: str, factor: Fraction) -> Case:
+def _with_moved_input(case: Case, name: str, factor: Fraction) -> Case:
     if name in case.inputs:
         return replace(case, inputs={**case.inputs, name: case.inputs[name] * factor})
     value: Any = getattr(case.disk, name) * factor
@@ -167,7 +167,7 @@ def evaluated_twice(
     }
 
 
-def _in(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
+def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
     """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
     context.
     """
@@ -175,7 +175,7 @@ def _in(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
 
 
 def as_reference_value(
-    item: Item,
+    question: ReferenceQuestion,
     name: str,
     values: Mapping[Reading, tuple[str, str]],
     slopes: Mapping[str, Any],
@@ -185,7 +185,7 @@ def as_reference_value(
     """Return computed numbers and their sensitivities as a reference value.
 
     Args:
-        item: The question.
+        question: The question.
         name: The quantity's name.
         values: Value and half-width as decimals, by reading.
         slopes: The change of the value per relative change of each input. Zeros are left out; the
@@ -193,16 +193,16 @@ def as_reference_value(
         grade: proved, two-method, agreed, or single.
         methods: The distance of each method's value from the one given.
     """
-    level, unit, _ = definition_of(item.kind, name)
+    level, unit, _ = definition_of(question.kind, name)
     return ReferenceValue(
-        id=f"{item.id}/{name}",
+        id=f"{question.id}/{name}",
         level=level,
-        kind=item.kind,
-        set=item.set,
-        friction=item.friction,
+        kind=question.kind,
+        set=question.set,
+        friction=question.friction,
         name=name,
         unit=unit,
-        inputs=item.inputs,
+        inputs=question.inputs,
         values=values,
         grade=grade,
         methods=methods or {},
@@ -217,7 +217,7 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
 
     With ``shift`` the calculation uses the angles minus pi/2.
     """
-    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *STATE_NAMES)
+    c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
     ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
     beta, gamma = beta - quarter, gamma - quarter
     values = terms(ops, c, omega, beta, gamma, v)
@@ -243,18 +243,18 @@ def _optional(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the optional quantities at the state of a question, Bbar and the terms of
     h, by name.
     """
-    c, omega, beta, gamma, v = _in(ctx, case, "Omega", *STATE_NAMES)
+    c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
     parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
 
 
-def optional_quantities(quantity: ReferenceValue) -> list[ReferenceValue]:
+def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]:
     """Compute the optional quantities of a state, in the order of `OPTIONAL`.
 
     Args:
-        quantity: A quantity of the same state.
+        reference_value: A quantity of the same state.
     """
-    item = Item(quantity.id.rsplit("/", 1)[0], quantity.inputs)
+    item = ReferenceQuestion(reference_value.id.rsplit("/", 1)[0], reference_value.inputs)
     cases = {reading: case_of(item, reading) for reading in READINGS}
     values = {reading: evaluated_twice(partial(_optional, case)) for reading, case in cases.items()}
     slopes = by_differences(cases["decimals"], lambda moved: _optional(moved, fp), _STEP_IN_DOUBLE)
@@ -279,7 +279,7 @@ def _equilibrium(case: Case, digits: int) -> Values:
 
 def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the eigenvalues of an equilibrium's full Jacobian by the QR algorithm, by name."""
-    c, omega = _in(ctx, case, "Omega")
+    c, omega = _in_context(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
     rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
     values = ctx.eig(ctx.matrix([list(row) for row in rows]), left=False, right=False)
@@ -300,21 +300,21 @@ def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     }
 
 
-def _law(case: Case, ctx: Any) -> dict[str, Any]:
+def _one_harmonic_law(case: Case, ctx: Any) -> dict[str, Any]:
     """Return amplitude, frequency and period of the one-harmonic law by name, as numbers of the
     mpmath context ``ctx``.
     """
-    c, omega = _in(ctx, case, "Omega")
+    c, omega = _in_context(ctx, case, "Omega")
     square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])
     frequency = ctx.sqrt(frequency_squared)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
 
-def _manifold(case: Case, ctx: Any) -> dict[str, Any]:
+def _slow_manifold(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the slow manifold's orders and residuals at a point by recursion on truncated power
     series, by name.
     """
-    arguments = (ctx, *_in(ctx, case, "Omega", "beta", "gamma"), ORDERS)
+    arguments = (ctx, *_in_context(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = (
         slow_manifold.orders(*arguments),
         slow_manifold.invariance_residuals(*arguments),
@@ -426,7 +426,7 @@ def _moved_orbit(case: Case, values: Values) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
-def _named(case: Case, result: Any) -> Values:
+def _stored_numbers(case: Case, result: Any) -> Values:
     """Return those numbers of a result that the reference data contain for this kind of question,
     by name.
     """
@@ -471,31 +471,35 @@ def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values
 _COMPUTE: dict[str, Callable[[Case, int], Values]] = {
     "rhs": lambda case, digits: evaluated_twice(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
-    "hopf": lambda case, digits: _named(case, case.disk.hopf(digits=DIGITS)),
-    "harmonic-balance": lambda case, digits: _named(
+    "hopf": lambda case, digits: _stored_numbers(case, case.disk.hopf(digits=DIGITS)),
+    "harmonic-balance": lambda case, digits: _stored_numbers(
         case,
         one_harmonic_law.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
-    "slow-manifold": lambda case, digits: evaluated_twice(partial(_manifold, case), kept=BITS - 20),
+    "slow-manifold": lambda case, digits: evaluated_twice(
+        partial(_slow_manifold, case), kept=BITS - 20
+    ),
     "trajectory": trajectory_values,
     # On drawn disks the one-harmonic law is a good enough guess.
-    "limit-cycle": lambda case, digits: _named(
+    "limit-cycle": lambda case, digits: _stored_numbers(
         case,
         shoot_limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
         if DRAWN_SET.fullmatch(case.item.set)
         else case.disk.limit_cycle(case.inputs["Omega"], digits=digits),
     ),
     "heteroclinic": omega_h_values,
-    "near-heteroclinic": lambda case, digits: _named(
+    "near-heteroclinic": lambda case, digits: _stored_numbers(
         case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)
     ),
-    "rotating-cycle": lambda case, digits: _named(
+    "rotating-cycle": lambda case, digits: _stored_numbers(
         case,
         case.disk.rotating_cycle(
             case.inputs["Omega"], stable=case.inputs["form"] == "stable", digits=digits
         ),
     ),
-    "rotation-fold": lambda case, digits: _named(case, case.disk.rotation_fold(digits=digits)),
+    "rotation-fold": lambda case, digits: _stored_numbers(
+        case, case.disk.rotation_fold(digits=digits)
+    ),
 }
 _COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
     "rhs": lambda case, digits: evaluated_twice(
@@ -506,19 +510,27 @@ _COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
     "equilibrium": lambda case, digits: evaluated_twice(
         partial(_eigenvalues, case), kept=BITS // 2
     ),
-    "harmonic-balance": lambda case, digits: evaluated_twice(partial(_law, case), kept=BITS - 40),
+    "harmonic-balance": lambda case, digits: evaluated_twice(
+        partial(_one_harmonic_law, case), kept=BITS - 40
+    ),
     "trajectory": partial(trajectory_values, shift=True),
 }
 Plain = Callable[[Case, Values], Mapping[str, Any]]
-#: A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
-#: orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
-#: 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
+# A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
+# orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
+# 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {
     "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _RELATIVE_STEP),
     "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _RELATIVE_STEP),
     "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _RELATIVE_STEP),
-    "harmonic-balance": (lambda case, values: _law(case, bits(BITS).context), _RELATIVE_STEP),
-    "slow-manifold": (lambda case, values: _manifold(case, bits(BITS).context), _RELATIVE_STEP),
+    "harmonic-balance": (
+        lambda case, values: _one_harmonic_law(case, bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
+    "slow-manifold": (
+        lambda case, values: _slow_manifold(case, bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
     "trajectory": (_moved_orbit, Fraction(1, 10**7)),
     "limit-cycle": (_cycle_in_double, Fraction(1, 10**8)),
     "rotating-cycle": (_cycle_in_double, Fraction(1, 10**8)),

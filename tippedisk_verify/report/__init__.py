@@ -1,6 +1,6 @@
 """The report of the main job.
 
-- `work` examines claims and draws figures, on several cores, and reuses earlier results.
-- `results` collects the results in one JSON object.
+- `tasks` examines claims and draws figures, on several cores, and reuses earlier results.
+- `results_json` collects the results in one JSON object.
 - `pages` writes that object as HTML and as Markdown. Every number on the pages is in results.json.
 """

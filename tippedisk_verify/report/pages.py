@@ -12,8 +12,8 @@ from typing import Any
 from markupsafe import Markup, escape
 
 from tippedisk_verify.report.digits import shortened
-from tippedisk_verify.report.results import totals, verdict_words
-from tippedisk_verify.web import rendered
+from tippedisk_verify.report.results_json import totals, verdict_words
+from tippedisk_verify.web import render
 
 __all__ = ["html_page", "markdown_page"]
 
@@ -38,7 +38,7 @@ _GREEK = dict(
         strict=True,
     )
 )
-#: Symbols in running text: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; not the name after "claim".
+# Symbols in running text: Omega_crit, gamma_bar_0, dOmega, A_33, Bbar; not the name after "claim".
 _SYMBOL = re.compile(
     rf"(?<!claim "
     rf")(?:\b|(?<=\bd))({'|'.join(_GREEK)}|[A-Za-z])(_?bar)?(?:_(\w+))?(?!\w)"
@@ -53,7 +53,7 @@ def html_page(
     Args:
         results: The content of results.json.
         pictures: For each figure's name, the wide picture and the narrow one for small screens.
-        formulas: The formulas, as `formulas_drawn` returns them. Their LaTeX is the package's own;
+        formulas: The formulas, as `draw_formulas` returns them. Their LaTeX is the package's own;
             text from users is always escaped.
     """
     return _page("page.html", results, pictures=pictures, formulas=formulas)
@@ -80,7 +80,7 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
         "symbols": _symbols,
         "words": verdict_words,
     }
-    return rendered(
+    return render(
         "tippedisk_verify.report",
         template,
         filters,

@@ -6,7 +6,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.stress import cycle_cases, motion_cases
 from tippedisk_verify.stress.case import StressCase, StressResult
 
-__all__ = ["CASES", "cases_named", "outcome_of"]
+__all__ = ["CASES", "cases_named", "run_stress_case"]
 
 CASES: tuple[StressCase, ...] = (*motion_cases.CASES, *cycle_cases.CASES)
 _BY_NAME = {case.name: case for case in CASES}
@@ -29,7 +29,7 @@ def cases_named(names: tuple[str, ...], quick: bool = False) -> list[StressCase]
     return [case for case in chosen if case.quick or not quick]
 
 
-def outcome_of(name: str) -> StressResult:
+def run_stress_case(name: str) -> StressResult:
     """Run the stress case with this name and return its result. A name, unlike a case, can be sent
     to another process.
     """

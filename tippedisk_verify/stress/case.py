@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from typing import Any
 
@@ -20,14 +20,14 @@ __all__ = [
     "CaseOutcome",
     "StressCase",
     "StressResult",
-    "compared_outcome",
+    "check_refusal",
+    "compare_flight",
+    "compare_results",
     "cycle_digits",
     "double_digits_between",
-    "flown",
-    "refused",
 ]
 
-TRUTH = bits(200)  # 60 digits, the precision of the true solution
+TRUTH = bits(200)  #: 60 digits, the precision of the true solution
 _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
@@ -46,16 +46,19 @@ class StressCase:
     """A stress test: a computation under hard conditions, and the outcomes that pass."""
 
     name: str
-    says: str  #: a description of it
+    description: str  #: a description of it
     run: Callable[[], CaseOutcome]
-    least: float = 0.0  #: correct digits that are required if the outcome is "digits"
-    may: tuple[str, ...] = ("digits",)  #: the outcomes that pass
+    required_digits: float = 0.0  #: correct digits that are required if the outcome is "digits"
+    passing_outcomes: tuple[str, ...] = ("digits",)  #: the outcomes that pass
     quick: bool = True  #: False if it takes more than some seconds
 
     def expected(self) -> str:
         """Return the outcome that a stress case must have, in words."""
         return " or ".join(
-            [f"{self.least:g} digits or more" if name == "digits" else name for name in self.may]
+            [
+                f"{self.required_digits:g} digits or more" if name == "digits" else name
+                for name in self.passing_outcomes
+            ]
         )
 
 
@@ -64,7 +67,7 @@ class StressResult:
     """The result of running a stress case: its outcome and the verdict on it."""
 
     name: str
-    says: str
+    description: str
     expected: str
     outcome: str
     digits: float | None
@@ -73,6 +76,11 @@ class StressResult:
     passed: bool
     note: str
     seconds: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the result as data for JSON."""
+        entry = asdict(self)
+        return {"says" if key == "description" else key: value for key, value in entry.items()}
 
     @classmethod
     def of(cls, case: StressCase) -> StressResult:
@@ -90,17 +98,17 @@ class StressResult:
                 f"unforeseen {type(fault).__name__}", honest=False, note=str(fault)[:200]
             )
         enough = answer.outcome != "digits" or (
-            answer.digits is not None and answer.digits >= case.least
+            answer.digits is not None and answer.digits >= case.required_digits
         )
         return cls(
             name=case.name,
-            says=case.says,
+            description=case.description,
             expected=case.expected(),
             outcome=answer.outcome,
             digits=answer.digits,
             error=None if answer.digits is None else 10.0**-answer.digits,
             honest=answer.honest,
-            passed=answer.honest and enough and answer.outcome in case.may,
+            passed=answer.honest and enough and answer.outcome in case.passing_outcomes,
             note=answer.note,
             seconds=time.perf_counter() - begin,
         )
@@ -129,7 +137,9 @@ def _log10(ratio: Fraction) -> float:
     return (math.log2(top) - math.log2(bottom)) / math.log2(10)
 
 
-def flown(request: Request, truth: Precision = TRUTH, engine: Engine | None = None) -> CaseOutcome:
+def compare_flight(
+    request: Request, truth: Precision = TRUTH, engine: Engine | None = None
+) -> CaseOutcome:
     """Run an integration in double precision and in a higher precision, and compare. Return the
     outcome: the correct digits, and if the half-widths are honest.
 
@@ -142,34 +152,39 @@ def flown(request: Request, truth: Precision = TRUTH, engine: Engine | None = No
         engine: The engine; None for the default.
     """
     engine = engine or default_engine()
-    mine = engine(replace(request, error_estimate=True))
-    sharp = engine(replace(request, precision=truth, tolerance=None))
-    assert mine.error is not None
-    if not math.isfinite(mine.error.largest):
-        return CaseOutcome("rounding decides", note=mine.status.value)
-    if mine.status is not sharp.status:
+    result = engine(replace(request, error_estimate=True))
+    sharper_result = engine(replace(request, precision=truth, tolerance=None))
+    assert result.error is not None
+    if not math.isfinite(result.error.largest):
+        return CaseOutcome("rounding decides", note=result.status.value)
+    if result.status is not sharper_result.status:
         return CaseOutcome(
-            mine.status.name, honest=False, note=f"in more bits: {sharp.status.value}"
+            result.status.name, honest=False, note=f"in more bits: {sharper_result.status.value}"
         )
-    if not mine.status.usable:
-        return CaseOutcome(mine.status.name, note=mine.status.value)
-    return compared_outcome(mine, sharp)
+    if not result.status.usable:
+        return CaseOutcome(result.status.name, note=result.status.value)
+    return compare_results(result, sharper_result)
 
 
-def compared_outcome(mine: Result, sharp: Result) -> CaseOutcome:
+def compare_results(result: Result, sharper_result: Result) -> CaseOutcome:
     """Compare a result and its half-widths with the same run in higher precision, and return the
     outcome.
     """
-    error = mine.error
+    error = result.error
     assert error is not None
-    pairs = list(zip(mine.state, sharp.state, error.state, strict=True))
-    if mine.samples is not None:
-        for rows in zip(mine.samples, sharp.samples, error.samples, strict=True):
+    pairs = list(zip(result.state, sharper_result.state, error.state, strict=True))
+    if result.samples is not None:
+        for rows in zip(result.samples, sharper_result.samples, error.samples, strict=True):
             pairs += list(zip(*rows, strict=True))
-    scale = max(1.0, *(abs(float(part)) for part in sharp.state))
-    times = [(mine.time, sharp.time, error.time)] if mine.status is not Status.REACHED else []
+    scale = max(1.0, *(abs(float(part)) for part in sharper_result.state))
+    times = (
+        [(result.time, sharper_result.time, error.time)]
+        if result.status is not Status.REACHED
+        else []
+    )
     times += [
-        (a.time, b.time, w) for a, b, w in zip(mine.events, sharp.events, error.events, strict=True)
+        (a.time, b.time, w)
+        for a, b, w in zip(result.events, sharper_result.events, error.events, strict=True)
     ]
     honest = all(
         abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in pairs + times
@@ -181,29 +196,29 @@ def compared_outcome(mine: Result, sharp: Result) -> CaseOutcome:
             "no digits left", honest=honest, note=f"claimed error {claimed:.1e} of the state's size"
         )
     return CaseOutcome(
-        "digits", digits, honest, f"claimed error {claimed:.1e}; ended: {mine.status.name}"
+        "digits", digits, honest, f"claimed error {claimed:.1e}; ended: {result.status.name}"
     )
 
 
-def cycle_digits(mine: Any, sharp: Any, names: Sequence[str]) -> CaseOutcome:
+def cycle_digits(result: Any, sharper_result: Any, names: Sequence[str]) -> CaseOutcome:
     """Compare the numbers of two results, and return the outcome: the digits in which they agree.
 
     It is honest if the intervals of each pair overlap.
 
     Args:
-        mine: The result to judge.
-        sharp: The same in higher precision.
+        result: The result to judge.
+        sharper_result: The same in higher precision.
         names: The attributes to compare.
     """
     digits, honest = _MAX_DIGITS, True
     for name in names:
-        a, b = getattr(mine, name), getattr(sharp, name)
+        a, b = getattr(result, name), getattr(sharper_result, name)
         honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         digits = min(digits, double_digits_between(a.value, b.value))
     return CaseOutcome("digits", digits, honest)
 
 
-def refused(action: Callable[[], Any], *kinds: type[Exception]) -> CaseOutcome:
+def check_refusal(action: Callable[[], Any], *kinds: type[Exception]) -> CaseOutcome:
     """Check that an action is refused with one clear line, and return the outcome.
 
     Args:

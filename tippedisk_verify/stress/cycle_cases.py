@@ -16,7 +16,7 @@ from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.stress.case import CaseOutcome, StressCase, cycle_digits, refused
+from tippedisk_verify.stress.case import CaseOutcome, StressCase, check_refusal, cycle_digits
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["CASES"]
@@ -80,7 +80,7 @@ def _one_ulp_below() -> CaseOutcome:
     speed = Fraction(float(omega_h))
     if speed >= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), 0.0))
-    return refused(
+    return check_refusal(
         lambda: shoot_limit_cycle(PRINTED, speed, engine), NoSuchCycleError, AccuracyError
     )
 
@@ -123,7 +123,7 @@ def _beyond_the_fold() -> CaseOutcome:
 
 
 def _no_cycle_above() -> CaseOutcome:
-    return refused(
+    return check_refusal(
         lambda: shoot_limit_cycle(PRINTED, _below_hopf("-0.01"), default_engine()), NoSuchCycleError
     )
 

@@ -22,8 +22,8 @@ from tippedisk_verify.stress.case import (
     TRUTH,
     CaseOutcome,
     StressCase,
+    compare_flight,
     double_digits_between,
-    flown,
 )
 
 __all__ = ["CASES"]
@@ -47,7 +47,7 @@ def _run(
     digits or ``truth``.
     """
     return partial(
-        flown,
+        compare_flight,
         Request(parameters, omega, start, duration, **{"max_steps": 1_000_000, **more}),
         truth,
     )
@@ -218,7 +218,7 @@ def _stable_manifold() -> CaseOutcome:
     The speed is the double that bisection finds for Omega_h.
     """
     omega = bisect_omega_h(PRINTED, default_engine()).omega_h.value
-    return flown(
+    return compare_flight(
         Request(
             PRINTED, omega, (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0), "12", domain="none"
         ),
@@ -236,7 +236,7 @@ def _backward_cases() -> list[StressCase]:
 
     def back(duration: str) -> CaseOutcome:
         cycle = shoot_limit_cycle(PRINTED, exact(_OMEGA).rational, default_engine())
-        return flown(
+        return compare_flight(
             Request(
                 PRINTED,
                 _OMEGA,
@@ -281,7 +281,7 @@ def _event_cases() -> list[StressCase]:
             PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=TRUTH
         )
         top = float(default_engine()(to_top).state[0])
-        return flown(
+        return compare_flight(
             Request(
                 PRINTED,
                 _OMEGA,
@@ -294,7 +294,9 @@ def _event_cases() -> list[StressCase]:
 
     def pair() -> CaseOutcome:
         first, second = _crossing(1.45), _crossing(1.45 + 2.0**-52)
-        return flown(Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none"))
+        return compare_flight(
+            Request(PRINTED, _OMEGA, _START, "0.5", events=(first, second), domain="none")
+        )
 
     return [
         StressCase(

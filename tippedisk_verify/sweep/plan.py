@@ -29,7 +29,7 @@ from tippedisk_verify.motion.integration import Motion
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
-__all__ = ["Plan", "axis", "computed"]
+__all__ = ["Plan", "axis", "run_analysis"]
 
 _MAX_POINTS = 1_000_000
 _MAX_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
@@ -97,7 +97,7 @@ def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Mea
     return speed_below_crit(parameters, point["below-crit"], digits)
 
 
-#: Each analysis with the inputs that a point may have in addition to the parameters.
+# Each analysis with the inputs that a point may have in addition to the parameters.
 _ANALYSES: dict[
     str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]
 ] = {
@@ -207,7 +207,7 @@ class Plan:
 
 
 # ------------------------------------------------------------------------------ the row of a point
-def computed(
+def run_analysis(
     analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]
 ) -> dict[str, str]:
     """Run an analysis at one point.

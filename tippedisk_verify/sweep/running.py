@@ -18,11 +18,11 @@ from pathlib import Path
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import file_lock, write_table
-from tippedisk_verify.interrupts import cleaning_up
+from tippedisk_verify.interrupts import clean_up_on_ctrl_c
 from tippedisk_verify.provenance import code_version
-from tippedisk_verify.sweep.plan import Plan, computed
+from tippedisk_verify.sweep.plan import Plan, run_analysis
 
-__all__ = ["swept"]
+__all__ = ["run_sweep"]
 
 _MAX_LINE = 1_000_000  # bytes of a line of the journal
 _MAX_AHEAD = 256  # points submitted at a time, so that a long sweep does not fill the memory
@@ -30,7 +30,7 @@ Row = dict[str, str]
 Workers = Callable[[], AbstractContextManager[Executor | None]]
 
 
-def swept(
+def run_sweep(
     plan: Plan,
     out: Path,
     workers: Workers,
@@ -65,7 +65,7 @@ def swept(
                 journal.unlink(missing_ok=True)
 
         try:
-            with cleaning_up(discard):
+            with clean_up_on_ctrl_c(discard):
                 for row in _kept_rows(plan, journal, rows, workers):
                     advance(row["status"][:40], 1)
         finally:
@@ -113,12 +113,12 @@ def _run(
     """
     asked = plan.analysis, plan.parameters, plan.digits
     if executor is None:
-        yield from ((index, computed(*asked, point)) for index, point in missing)
+        yield from ((index, run_analysis(*asked, point)) for index, point in missing)
         return
     waiting: dict[Future[Row], int] = {}
     while True:
         for index, point in islice(missing, _MAX_AHEAD - len(waiting)):
-            waiting[executor.submit(computed, *asked, point)] = index
+            waiting[executor.submit(run_analysis, *asked, point)] = index
         if not waiting:
             return
         for future in wait(waiting, return_when=FIRST_COMPLETED).done:

@@ -16,9 +16,9 @@ from typing import Any, Literal, NamedTuple, get_args
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact, shown
+from tippedisk_verify.model.exact import PI, Exact, short_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Eigenvalue, Printable, as_json, quantity
@@ -103,7 +103,9 @@ def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
         InputError: If there is no equilibrium of that name.
     """
     if name not in get_args(EquilibriumName):
-        raise InputError(f"equilibrium '{shown(name)}' is not known: use inverted or noninverted")
+        raise InputError(
+            f"equilibrium '{short_text(name)}' is not known: use inverted or noninverted"
+        )
     side = _HALF if name == "inverted" else -_HALF
     return PI * _HALF, PI * side, Exact(Fraction(0))
 
@@ -209,7 +211,7 @@ def stiff_eigenvalue_estimate(parameters: Parameters) -> Fraction:
     return Fraction(linearization(parameters, Fraction(1)).A33)
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def equilibrium(
     parameters: Parameters, omega: object, name: EquilibriumName, digits: int = 15
 ) -> Equilibrium:

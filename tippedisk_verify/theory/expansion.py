@@ -1,15 +1,15 @@
 """The equations of motion about inverted spinning, to third order in (beta_bar, gamma_bar, v).
 
-`derived` follows from the full equations, and `printed` is the paper's version. Claims state where
-they differ. There are no terms of even order, by the point symmetry. Arguments may be numbers of
-any kind or symbols.
+`derived_expansion` follows from the full equations, and `printed_expansion` is the paper's version.
+Claims state where they differ. There are no terms of even order, by the point symmetry. Arguments
+may be numbers of any kind or symbols.
 """
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-__all__ = ["LocalExpansion", "derived", "printed"]
+__all__ = ["LocalExpansion", "derived_expansion", "printed_expansion"]
 
 #: The coefficients of beta_bar^i gamma_bar^j v^k, with keys (i, j, k).
 Coefficients = dict[tuple[int, int, int], Any]
@@ -28,7 +28,7 @@ class LocalExpansion(NamedTuple):
     friction: Coefficients  #: w_y lambda_Ty [N m]
 
 
-def derived(constants: Any, omega: Any) -> LocalExpansion:
+def derived_expansion(constants: Any, omega: Any) -> LocalExpansion:
     """Return the local expansion of the equation of motion about inverted spinning that follows
     from Eqs. MassMatrix_3DOF to lin_lambda_y_3DOF.
 
@@ -71,17 +71,17 @@ def derived(constants: Any, omega: Any) -> LocalExpansion:
     )
 
 
-def printed(constants: Any, omega: Any) -> LocalExpansion:
+def printed_expansion(constants: Any, omega: Any) -> LocalExpansion:
     """Return the local expansion of the equation of motion about inverted spinning as the paper
     prints it.
 
     Its source is Eqs. MassMatrix_3DOF_approx to genForce_3DOF_approx. Two entries differ from
-    `derived`:
+    `derived_expansion`:
 
     - h-tilde's mixed term has 2 m e (r + e) instead of m e (r + e);
     - f_G has gamma_bar^3 (a fourth-order term) where gamma_bar^2 follows.
 
-    All entries are copied from the paper, so their agreement with `derived` is evidence.
+    All entries are copied from the paper, so their agreement with `derived_expansion` is evidence.
 
     Args:
         constants: The parameters, in any kind of number.

@@ -43,7 +43,7 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import PI, exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, quantity
@@ -221,7 +221,7 @@ def criticality(parameters: Parameters) -> Criticality:
     return "supercritical" if quadratic < 0 else "subcritical"
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the critical spinning speed [rad/s] to ``digits`` significant digits.
 
@@ -306,7 +306,7 @@ def speed_below_crit(parameters: Parameters, distance: object, digits: int) -> M
     return Measured(checked_speed(value - below.rational), width)
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def period_crit(parameters: Parameters, digits: int = 15) -> Measured:
     """Return the period 2 pi / omega [s] of the limit cycle at its birth in the Hopf point, to
     ``digits`` digits.
@@ -333,7 +333,7 @@ def period_of(frequency: Measured, digits: int) -> Measured:
     return Measured(low + high, high - low) / frequency
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     """Return the Hopf point to ``digits`` significant digits.
 

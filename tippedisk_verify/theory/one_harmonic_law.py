@@ -18,9 +18,9 @@ from typing import Any, Literal, get_args
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import shown
+from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable
@@ -123,7 +123,7 @@ def chi(constants: Any, form: Form) -> Any:
 
 def _checked_form(form: str) -> Form:
     if form not in get_args(Form):
-        raise InputError(f"form '{shown(form)}' is not known: use printed or consistent")
+        raise InputError(f"form '{short_text(form)}' is not known: use printed or consistent")
     return form  # type: ignore[return-value]
 
 
@@ -173,7 +173,7 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
     return omega * amplitude / frequency, -amplitude * frequency, math.pi / frequency
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def one_harmonic(
     parameters: Parameters, omega: object, form: Form = "printed", digits: int = 12
 ) -> OneHarmonic:

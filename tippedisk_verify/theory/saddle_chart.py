@@ -36,7 +36,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "solved"]
+__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "solve_linear"]
 
 #: The functions of angles that are given as pairs of their sine and cosine.
 ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
@@ -317,7 +317,7 @@ class ChartFamily:
             (eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEED_NODES, -1)), axis=1
         )
         steps = _extended([distance] for distance in distances)
-        self._polynomials = solved(steps ** numpy.arange(_SPEED_NODES), values)
+        self._polynomials = solve_linear(steps ** numpy.arange(_SPEED_NODES), values)
 
     def at(self, distance: Any) -> SaddleChart:
         """Return the chart at a given distance of the speed from the origin [rad/s]."""
@@ -364,7 +364,7 @@ def _invariant(
     return numpy.stack([component.terms for component in (beta, gamma, v)], axis=1)
 
 
-def solved(matrix: Any, right: Any) -> Any:
+def solve_linear(matrix: Any, right: Any) -> Any:
     """Solve linear equations (n, n) with right sides (n, k), in the arithmetic of the arrays."""
     rows = numpy.concatenate((matrix, right), axis=1)
     for place in range(len(rows)):

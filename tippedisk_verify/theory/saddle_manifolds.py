@@ -40,7 +40,7 @@ from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
-from tippedisk_verify.theory.series import Angle, PowerSeries, SeriesOps
+from tippedisk_verify.theory.power_series import Angle, PowerSeries, SeriesOps
 
 __all__ = ["Saddle", "refuse_focus"]
 
@@ -145,7 +145,7 @@ class Saddle:
         """
         return self._curve(1)
 
-    def start_on_branch(self, distance: Fraction, side: int = 1) -> list[Fraction]:
+    def start_on_unstable_manifold(self, distance: Fraction, side: int = 1) -> list[Fraction]:
         """Return a state on the unstable manifold next to the saddle at gamma_bar = -pi, from its
         power series.
 
@@ -161,11 +161,11 @@ class Saddle:
         )
         return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
-    def _curve(self, which: int) -> list[PowerSeries]:
-        ctx, eigenvalue = self.context, self.eigenvalues[which]
-        curve = [[ctx.zero, self.directions[row, which]] for row in range(3)]
+    def _curve(self, direction_index: int) -> list[PowerSeries]:
+        ctx, eigenvalue = self.context, self.eigenvalues[direction_index]
+        curve = [[ctx.zero, self.directions[row, direction_index]] for row in range(3)]
         step = self._power_step
-        rates_of = field(SeriesOps, self.constants, self.speed, *self._law(which))
+        rates_of = field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -195,18 +195,18 @@ class Saddle:
         """
         return 1 if self.parameters.law.two_sided else 2
 
-    def _law(self, which: int) -> tuple[FrictionLaw, int | None]:
+    def _law(self, direction_index: int) -> tuple[FrictionLaw, int | None]:
         """Return the friction law along a manifold of the saddle, in a form that accepts power
         series, and the sign of gamma_y there.
 
-        ``which`` is 0 for the unstable manifold and 1 for the slow stable one.
+        ``direction_index`` is 0 for the unstable manifold and 1 for the slow stable one.
         """
-        parameters, side = self.parameters, self.side(which)
+        parameters, side = self.parameters, self.side(direction_index)
         number = partial(quotient, self.context)
         law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
         return law, side
 
-    def side(self, which: int) -> int | None:
+    def side(self, direction_index: int) -> int | None:
         """Return the sign of gamma_y along a manifold of the saddle (0: unstable, 1: slow stable),
         on the half that is used.
 
@@ -214,11 +214,14 @@ class Saddle:
         """
         if not self.parameters.law.two_sided:
             return None
-        c, (_, gamma, v) = self.constants, (self.directions[row, which] for row in range(3))
+        c, (_, gamma, v) = (
+            self.constants,
+            (self.directions[row, direction_index] for row in range(3)),
+        )
         # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of
         # gamma itself.
         velocity = (c.r - c.e) * v - c.e * self.speed * gamma
-        return (1 if velocity > 0 else -1) * (1 if which == 0 else -1)
+        return (1 if velocity > 0 else -1) * (1 if direction_index == 0 else -1)
 
     def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Angle, Angle, PowerSeries]:
         """Return the angles beta and gamma and v of a curve of states about (pi/2, -pi/2, 0), as
@@ -248,19 +251,21 @@ class Saddle:
         """
         return self._carried(0)
 
-    def _carried(self, which: int) -> list[PowerSeries]:
+    def _carried(self, direction_index: int) -> list[PowerSeries]:
         """Return an eigenvector's direction at each point of the slow stable curve, carried along
         it by the flow, as power series.
 
         It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
-        ``which``.
+        ``direction_index``.
         """
-        ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[which]
+        ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[direction_index]
         entries = self._jacobian_on_stable_curve
         length = self.order + 1
-        carried = [[self.directions[row, which]] + [ctx.zero] * (length - 1) for row in range(3)]
+        carried = [
+            [self.directions[row, direction_index]] + [ctx.zero] * (length - 1) for row in range(3)
+        ]
         step = self._power_step
-        resonant = _MIN_DIVISOR * own if which == 0 else 0
+        resonant = _MIN_DIVISOR * own if direction_index == 0 else 0
         for power in range(step, length, step):
             rest = [ctx.zero, ctx.zero, ctx.zero]
             for row in (1, 2):  # beta' = v is linear
@@ -335,7 +340,7 @@ class Saddle:
             if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t
         raise AccuracyError(
-            "the end of the unstable branch is too far from the saddle for its local series"
+            "the end of the unstable manifold is too far from the saddle for its local series"
         )
 
 

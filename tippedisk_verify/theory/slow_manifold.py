@@ -29,15 +29,15 @@ import gmpy2
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, terms
-from tippedisk_verify.model.exact import exact, fraction, quotient, shown, whole
+from tippedisk_verify.model.exact import exact, fraction, integer_between, quotient, short_text
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
 from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
-from tippedisk_verify.theory.series import Angle, PowerSeries
+from tippedisk_verify.theory.power_series import Angle, PowerSeries
 
 __all__ = [
     "RESIDUAL_POINTS",
@@ -295,11 +295,11 @@ def _checked_order(order: int) -> int:
     """Check the order of the slow manifold's series and return it as an int; raise InputError
     unless it is an integer from 0 to 40.
     """
-    number = whole(order, 0, _HIGHEST_ORDER)
+    number = integer_between(order, 0, _HIGHEST_ORDER)
     if number is None:
         raise InputError(
             f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not "
-            f"{shown(order)}"
+            f"{short_text(order)}"
         )
     return number
 
@@ -439,7 +439,7 @@ class SlowManifold(Printable):
     warning: str | None
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def analyse_slow_manifold(
     parameters: Parameters,
     omega: object,
@@ -519,7 +519,7 @@ def analyse_slow_manifold(
 
 def _point(at: tuple[object, object]) -> tuple[Fraction, Fraction]:
     if not isinstance(at, tuple) or len(at) != 2:
-        raise InputError(f"a point is a pair (beta, gamma), not {shown(at)}")
+        raise InputError(f"a point is a pair (beta, gamma), not {short_text(at)}")
     beta, gamma = map(exact, at)
     if beta.pi_multiple or gamma.pi_multiple:
         raise InputError(

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-__all__ = ["rendered"]
+__all__ = ["render"]
 
 
-def rendered(
+def render(
     package: str, template: str, filters: dict[str, Callable[..., Any]] | None = None, **values: Any
 ) -> str:
     """Render a template of a package; in HTML every value is escaped.

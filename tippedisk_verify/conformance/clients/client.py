@@ -139,11 +139,11 @@ def derivatives(p, Omega, smooth, beta, gamma, v):
     return dv_rate_dbeta, dv_rate_dgamma, dv_rate_dv, dv_rate_domega, v_rate
 
 
-def rhs(p, smooth, given, asked):
+def rhs(p, smooth, inputs, quantities):
     """Answer the questions of level 1: the terms of the equations at a state, and the derivatives
     of v'.
     """
-    Omega, beta, gamma, v = given["Omega"], given["beta"], given["gamma"], given["v"]
+    Omega, beta, gamma, v = inputs["Omega"], inputs["beta"], inputs["gamma"], inputs["v"]
     names = "M", "h", "f_G", "w_y", "gamma_y", "lambda_Ty", "gamma_rate", "v_rate"
     names += "Bbar", "h_1", "h_2", "h_3", "h_4", "h_5"  # optional
     names += "dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"
@@ -184,10 +184,10 @@ def sorted_eigenvalues(matrix):
     return np.take_along_axis(eigenvalues, order, axis=-1)
 
 
-def equilibrium(p, smooth, given, asked):
+def equilibrium(p, smooth, inputs, quantities):
     """Answer the questions of level 2: the eigenvalues of inverted and of noninverted spinning."""
-    side = np.where(given["equilibrium"] == "inverted", 1, -1)
-    eigenvalues = sorted_eigenvalues(linearisation(p, given["Omega"], side))
+    side = np.where(inputs["equilibrium"] == "inverted", 1, -1)
+    eigenvalues = sorted_eigenvalues(linearisation(p, inputs["Omega"], side))
     answers = {}
     for n in (1, 2, 3):
         answers[f"lambda_{n}_re"] = eigenvalues[:, n - 1].real
@@ -267,7 +267,7 @@ def eigenvalue_rate(p, Omega, q, p_star):
     return p_star[1] * dA_21 * q[0] + p_star[2] * (dA_31 * q[0] + dA_32 * q[1])
 
 
-def hopf(p, smooth, given, asked):
+def hopf(p, smooth, inputs, quantities):
     """Answer the questions of level 3: the Hopf point, its normal form, and the slopes of the
     family of cycles.
     """
@@ -310,9 +310,9 @@ def one_harmonic_law(p, Omega, form):
     return C, omega
 
 
-def harmonic_balance(p, smooth, given, asked):
+def harmonic_balance(p, smooth, inputs, quantities):
     """Answer the questions of level 4: amplitude, frequency and period of the one-harmonic law."""
-    C, omega = one_harmonic_law(p, given["Omega"], given["form"])
+    C, omega = one_harmonic_law(p, inputs["Omega"], inputs["form"])
     return {"amplitude": C, "frequency": omega, "period": 2 * pi / omega}
 
 
@@ -451,10 +451,10 @@ def invariance_residual(p, Omega, beta, gamma, h):
     return epsilon * (transport - force / M)
 
 
-def slow_manifold(p, smooth, given, asked):
+def slow_manifold(p, smooth, inputs, quantities):
     """Answer the questions of level 5: the orders of the slow manifold and their residuals."""
-    Omega, beta, gamma = given["Omega"], given["beta"], given["gamma"]
-    last = max(int(name.rsplit("_", 1)[1]) for name in asked)
+    Omega, beta, gamma = inputs["Omega"], inputs["beta"], inputs["gamma"]
+    last = max(int(name.rsplit("_", 1)[1]) for name in quantities)
     h = slow_manifold_orders(p, Omega, beta, gamma, last)
     answers = {}
     for n in range(last + 1):

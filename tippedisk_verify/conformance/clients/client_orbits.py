@@ -136,14 +136,16 @@ def fly_to(rates, p, Omega, smooth, state, event, sign=1, longest=LONGEST, h=FLI
     return time + tau, flight_step(rates, p, Omega, smooth, before, tau)
 
 
-def trajectory(p, smooth, given, asked):
+def trajectory(p, smooth, inputs, quantities):
     """Answer the questions of level 6: states at given times, crossings of beta = pi/2, and when
     the disk lies flat.
     """
     names = "beta", "gamma", "v"
-    Omega, state, time = given["Omega"], np.array([given[name] for name in names]), 0
+    Omega, state, time = inputs["Omega"], np.array([inputs[name] for name in names]), 0
     answers = {"flat_time": np.full(len(Omega), np.nan)}
-    for sample in sorted({0.01} | {float(name.split("@")[1]) for name in asked if "@" in name}):
+    for sample in sorted(
+        {0.01} | {float(name.split("@")[1]) for name in quantities if "@" in name}
+    ):
         h = (sample - time) / np.ceil((sample - time) / FLIGHT_STEP)
         while time < sample - h / 2:
             state, time = flight_step(flow, p, Omega, smooth, state, h), time + h
@@ -303,31 +305,31 @@ def cycle(p, Omega, smooth, index, stable, fold=False, h=FLIGHT_STEP):
     return {name: np.where(hypot(x, v) > 1e-6, values, np.nan) for name, values in answers.items()}
 
 
-def limit_cycle(p, smooth, given, asked):
+def limit_cycle(p, smooth, inputs, quantities):
     """Answer the questions of level 7 about the limit cycle at a speed."""
-    return cycle(p, given["Omega"], smooth, 0, True)
+    return cycle(p, inputs["Omega"], smooth, 0, True)
 
 
-def near_heteroclinic(p, smooth, given, asked):
+def near_heteroclinic(p, smooth, inputs, quantities):
     """Answer the questions of level 9: the limit cycle near Omega_h, on which errors grow next to
     the saddles.
     """
-    return cycle(p, given["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
+    return cycle(p, inputs["Omega"], smooth, 0, True, h=FLIGHT_STEP / 2 if smooth else FLIGHT_STEP)
 
 
-def rotating_cycle(p, smooth, given, asked):
+def rotating_cycle(p, smooth, inputs, quantities):
     """Answer the questions of level 10 about a rotating cycle, the stable or the unstable one."""
-    return cycle(p, given["Omega"], smooth, 1, given["form"] == "stable")
+    return cycle(p, inputs["Omega"], smooth, 1, inputs["form"] == "stable")
 
 
-def rotation_fold(p, smooth, given, asked):
+def rotation_fold(p, smooth, inputs, quantities):
     """Answer the questions of level 10 about the fold of rotating cycles, reached from the unstable
     cycle at the Hopf point's speed.
     """
     return cycle(p, critical_speed(p), smooth, 1, False, fold=True)
 
 
-def heteroclinic(p, smooth, given, asked):
+def heteroclinic(p, smooth, inputs, quantities):
     """Answer the questions of level 8: find Omega_h by repeatedly cutting an interval that holds it
     into a hundred.
     """
@@ -391,15 +393,15 @@ def answered(rows):
     answers = {}
     for (kind, friction), entries in groups.items():
         firsts = [next(iter(entry.values())) for entry in entries.values()]
-        given = {
+        inputs = {
             column: np.array([row[column] for row in firsts]) for column in ("equilibrium", "form")
         }
         for column in PARAMETERS + ("Omega", "beta", "gamma", "v"):
-            given[column] = np.array([float(row[column] or "nan") for row in firsts])
-        p = tuple(given[column] for column in PARAMETERS)
-        asked = {name for entry in entries.values() for name in entry}
+            inputs[column] = np.array([float(row[column] or "nan") for row in firsts])
+        p = tuple(inputs[column] for column in PARAMETERS)
+        quantities = {name for entry in entries.values() for name in entry}
         with np.errstate(all="ignore"):
-            results = KINDS[kind](p, friction == "smooth", given, asked)
+            results = KINDS[kind](p, friction == "smooth", inputs, quantities)
         for k, entry in enumerate(entries.values()):
             for name, row in entry.items():
                 answers[row["id"]] = float(results[name][k]) if name in results else np.nan

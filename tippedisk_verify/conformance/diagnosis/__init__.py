@@ -37,7 +37,7 @@ from tippedisk_verify.conformance.diagnosis.levels import (
     PREDICTED,
     VARIANTS,
     Results,
-    base_of,
+    base_values,
     problems,
 )
 from tippedisk_verify.conformance.diagnosis.regression import (
@@ -46,14 +46,18 @@ from tippedisk_verify.conformance.diagnosis.regression import (
     likelihood,
     with_changes,
 )
-from tippedisk_verify.conformance.diagnosis.relations import Relation, condition_phrase, related
+from tippedisk_verify.conformance.diagnosis.relations import (
+    Relation,
+    condition_phrase,
+    relations_of,
+)
 from tippedisk_verify.conformance.diagnosis.step_methods import recognised_method
 from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table, tables_of
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
 from tippedisk_verify.reference_values.store import Store, is_optional
 
-__all__ = ["Diagnosis", "diagnosed"]
+__all__ = ["Diagnosis", "diagnose"]
 
 _BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
 # A quantity only lacks its last digits if the median and the maximum of its relative errors are below
@@ -73,7 +77,7 @@ _LAWS = ("both", "linear", "smooth")
 _ALL_OR_NOTHING_KINDS = (
     "equilibrium",
     "slow-manifold",
-)  #: kinds explained completely, or not at all
+)  # kinds explained completely, or not at all
 PosedProblems = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
 ChangesByLaw = dict[Change, frozenset[str]]
@@ -102,7 +106,7 @@ class Diagnosis:
     may_follow: bool = False
 
     @property
-    def few(self) -> int:
+    def too_few(self) -> int:
         """The number of failed answers that are right but have too few digits."""
         return sum(grade.verdict == "few-digits" for grade in self.failed)
 
@@ -118,7 +122,7 @@ class Diagnosis:
             )
         return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
-    def says(self) -> str:
+    def summary(self) -> str:
         """Return the diagnosis of one level in one line of text: the failures, their causes, and
         what is unexplained.
         """
@@ -127,7 +131,10 @@ class Diagnosis:
         text = (
             f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
         )
-        counts = (len(self.failed) - self.few, "wrong"), (self.few, "with too few digits only")
+        counts = (
+            (len(self.failed) - self.too_few, "wrong"),
+            (self.too_few, "with too few digits only"),
+        )
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if any(is_optional(grade.id) for grade in self.failed):
             text += " (with optional answers)"
@@ -135,7 +142,7 @@ class Diagnosis:
             text += f", {self.no_numbers} of them not finite"
         if len(self.causes) > 1:
             text += "; likely causes, together: " + "; ".join(
-                f"({n}) {says}" for n, (_, says) in enumerate(self.causes, 1)
+                f"({n}) {sentence}" for n, (_, sentence) in enumerate(self.causes, 1)
             )
         elif self.causes:
             text += f"; likely cause: {self.causes[0][1]}"
@@ -153,10 +160,10 @@ class Diagnosis:
             "sets": list(self.sets),
             "frictions": list(self.frictions),
             "failed": len(self.failed),
-            "too_few_digits": self.few,
+            "too_few_digits": self.too_few,
             "no_numbers": self.no_numbers,
             "status": self.status,
-            "causes": [{"name": name, "cause": says} for name, says in self.causes],
+            "causes": [{"name": name, "cause": sentence} for name, sentence in self.causes],
             "follows": self.follows,
             "unexplained": self.unexplained,
             "where": self.where,
@@ -196,9 +203,9 @@ class _LevelwiseDiagnosis:
             grades: The grades of the sheet, of all levels.
         """
         tables = [table for table in self.tables if table.level == level]
-        numbers, earlier, self.causes = _left(tables), dict(self.changes), []
+        numbers, earlier, self.causes = _count_unexplained(tables), dict(self.changes), []
         self.find_consequences(tables)
-        follows = numbers - _left(tables)
+        follows = numbers - _count_unexplained(tables)
         with self.all_or_nothing(tables, whole=True):
             self.find_relations(tables)
         for later in (False, True):
@@ -211,7 +218,7 @@ class _LevelwiseDiagnosis:
             self.find_consequences(tables)
             self.find_lost_digits(tables if level <= _FORMULAS else ())
         for table in tables if level == _FORMULAS + 1 and not self.changes else ():
-            self.causes += [("method", says)] if (says := recognised_method(table)) else []
+            self.causes += [("method", sentence)] if (sentence := recognised_method(table)) else []
         named = [
             ("equations", self.text(change, tables))
             for change in self.changes
@@ -220,7 +227,7 @@ class _LevelwiseDiagnosis:
         failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
         sets, laws = (tuple(sorted({grade.id.split("/")[n] for grade in failed})) for n in (0, 1))
         places = [
-            condition_phrase(table, base_of(LINEAR, table)["gamma_y"])
+            condition_phrase(table, base_values(LINEAR, table)["gamma_y"])
             for table in tables
             if table.unexplained.any()
         ]
@@ -232,7 +239,7 @@ class _LevelwiseDiagnosis:
             failed,
             causes,
             follows,
-            _left(tables),
+            _count_unexplained(tables),
             len(failed) - numbers,
             "; ".join(places),
             may_follow,
@@ -288,11 +295,11 @@ class _LevelwiseDiagnosis:
         They are the changes known under this law, all known changes, and none, in this order. Equal
         lists occur once.
         """
-        some = [_of_law(self.changes, law), list(self.changes), []]
+        some = [_changes_under_law(self.changes, law), list(self.changes), []]
         return [one for n, one in enumerate(some) if one not in some[:n]]
 
     def program(
-        self, law: str, some: Iterable[Change], inputs: Mapping[str, Any] | None = None
+        self, law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
     ) -> Values:
         """Return the equations of a program with mistakes, ready for evaluation.
 
@@ -300,18 +307,19 @@ class _LevelwiseDiagnosis:
 
         Args:
             law: The friction law; the linear law unless it is "smooth".
-            some: The changes.
+            change_set: The changes.
             inputs: Values by name, each in place of the definition of that name.
         """
         return with_changes(
-            Values(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})), some
+            Values(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})),
+            change_set,
         )
 
     @np.errstate(all="ignore")
     def predicted(
         self,
         table: Table,
-        some: Iterable[Change],
+        change_set: Iterable[Change],
         function: Callable[[Values], Results] | None = None,
     ) -> Array:
         """Return the answers that a program with some mistakes would give to a table's questions.
@@ -320,11 +328,11 @@ class _LevelwiseDiagnosis:
 
         Args:
             table: The table, with the inputs of its entries.
-            some: The changes of the equations that the program has.
+            change_set: The changes of the equations that the program has.
             function: A function from the program's values to the quantities; by default the right
                 formulas.
         """
-        values = base_of(self.program(table.friction, some).definitions, table)
+        values = base_values(self.program(table.friction, change_set).definitions, table)
         return table.matched_values((function or PREDICTED[table.kind][0])(values))
 
     def find_consequences(self, tables: Sequence[Table]) -> None:
@@ -353,7 +361,7 @@ class _LevelwiseDiagnosis:
         Args:
             tables: The tables of the answers.
         """
-        posed = self.posed_problems(tables) if _left(tables) else []
+        posed = self.posed_problems(tables) if _count_unexplained(tables) else []
         for n in range(len(posed)):
             table, problem = posed[n]
             mine = table.unexplained & (table.names == problem.name)
@@ -383,7 +391,7 @@ class _LevelwiseDiagnosis:
                 found += [
                     (table, one)
                     for one in problems(
-                        table, base_of(self.program(table.friction, known).definitions, table)
+                        table, base_values(self.program(table.friction, known).definitions, table)
                     )
                 ]
         return found
@@ -412,7 +420,7 @@ class _LevelwiseDiagnosis:
         readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
         readings += [(some, self.changes) for some in others if some or table.level > 1]
         programs = [
-            (self.program(law, some, problem.given), self.behind_right_answers(law, some, posed))
+            (self.program(law, some, problem.inputs), self.behind_right_answers(law, some, posed))
             for some, _ in readings
         ]
         efforts = 4 if table.level == 1 and not derivative else 2
@@ -423,28 +431,28 @@ class _LevelwiseDiagnosis:
         index, new = min(sets, key=lambda one: likelihood((*readings[one[0]][0], *one[1])))
         some, self.changes = readings[index]
         if derivative and new:
-            says = " and ".join(change.says for change in new)
-            says = f"{problem.name} is the derivative of other equations: {says}"
-            self.causes.append(("equations", says))
+            sentence = " and ".join(change.sentence for change in new)
+            sentence = f"{problem.name} is the derivative of other equations: {sentence}"
+            self.causes.append(("equations", sentence))
             return True
         for change in (*some, *new):
             self.changes[change] = self.changes.get(change, frozenset()) | {law}
         return True
 
     def behind_right_answers(
-        self, law: str, some: Sequence[Change], posed: PosedProblems
+        self, law: str, change_set: Sequence[Change], posed: PosedProblems
     ) -> frozenset[str]:
         """Return the names of the definitions that need no change: those from which a program with
         some mistakes computes quantities as they were answered.
 
         Args:
             law: The friction law of the program.
-            some: The changes of the equations that the program has.
+            change_set: The changes of the equations that the program has.
             posed: Tables and problems. Those under the other friction law are left out.
         """
         names = frozenset[str]()
         for table, problem in posed:
-            program = self.program(law, some, problem.given)
+            program = self.program(law, change_set, problem.inputs)
             if table.friction in ("both", law) and problem.fits(program):
                 names |= program.inputs_of(problem.definition)
         return names
@@ -469,15 +477,15 @@ class _LevelwiseDiagnosis:
         """
         own = self.candidates(law)[0]
         explained = [pair for pair in posed if self.fits(self.changes, *pair)]
-        effects = [self.program(law, own, problem.given)[problem.definition]]
+        effects = [self.program(law, own, problem.inputs)[problem.definition]]
         found = []
         for change in own if posed else ():
             for other in change.others[:_MAX_EQUIVALENT_CHANGES]:
                 rest = tuple(one for one in (change, *change.others) if one != other)
                 new = {change: replace(other, others=rest)}
                 changes = {new.get(one, one): laws for one, laws in self.changes.items()}
-                some = _of_law(changes, law)
-                effect = self.program(law, some, problem.given)[problem.definition]
+                some = _changes_under_law(changes, law)
+                effect = self.program(law, some, problem.inputs)[problem.definition]
                 known = any(
                     np.allclose(effect, one, rtol=_ROUNDING_TOLERANCE, atol=0) for one in effects
                 )
@@ -496,7 +504,7 @@ class _LevelwiseDiagnosis:
             problem: The answers to the quantity, and its definition.
         """
         law = table.friction
-        return problem.fits(self.program(law, _of_law(changes, law), problem.given))
+        return problem.fits(self.program(law, _changes_under_law(changes, law), problem.inputs))
 
     # ---- digits and relations
     def find_lost_digits(self, tables: Sequence[Table]) -> None:
@@ -559,26 +567,26 @@ class _LevelwiseDiagnosis:
             truths.update(zip(table.ids, table.truth.tolist(), strict=True))
         for table, known in zip(some, changes, strict=True):
             variants = {
-                says: self.predicted(table, known, function)
-                for says, function in VARIANTS.get(table.kind, {}).items()
+                sentence: self.predicted(table, known, function)
+                for sentence, function in VARIANTS.get(table.kind, {}).items()
             }
-            for relation in related(table, truths, variants):
-                groups.setdefault(relation.says, []).append(relation)
+            for relation in relations_of(table, truths, variants):
+                groups.setdefault(relation.sentence, []).append(relation)
         total = {
             (table.friction, stem) for table in tables for stem in np.unique(table.quantity_names)
         }
         for group in sorted(
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
         ):
-            says = group[0].says
+            sentence = group[0].sentence
             new = [one for one in group if one.table.unexplained[one.answers].all()]
-            if not new or (len(new) < 2 and re.search(r"order|\^n|n!", says)):
+            if not new or (len(new) < 2 and re.search(r"order|\^n|n!", sentence)):
                 continue  # one order alone proves nothing
             self.causes.append(
                 (
                     "relation",
                     _relation_sentence(
-                        says, {(one.table.friction, one.quantity) for one in new}, total
+                        sentence, {(one.table.friction, one.quantity) for one in new}, total
                     ),
                 )
             )
@@ -597,27 +605,29 @@ class _LevelwiseDiagnosis:
         """
         (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
         only = len(self.changes[change]) == 1 and {law} < every
-        return change.says + (f", under the {law} law" if only else "")
+        return change.sentence + (f", under the {law} law" if only else "")
 
 
-def _of_law(changes: ChangesByLaw, law: str) -> list[Change]:
+def _changes_under_law(changes: ChangesByLaw, law: str) -> list[Change]:
     """Return the changes of the equations that are known under a friction law or under
     both laws.
     """
     return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
-def _left(tables: Iterable[Table]) -> int:
+def _count_unexplained(tables: Iterable[Table]) -> int:
     """Return the number of wrong answers in tables that are unexplained."""
     return sum(int(table.unexplained.sum()) for table in tables)
 
 
-def _relation_sentence(says: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]) -> str:
+def _relation_sentence(
+    sentence: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]
+) -> str:
     """Return the sentence about a relation of wrong answers, with the names of their quantities put
     in.
 
     Args:
-        says: The sentence, with {q} in place of the quantity.
+        sentence: The sentence, with {q} in place of the quantity.
         stems: The quantities of the relation, each as friction law and name.
         total: All quantities of the level, in the same form.
     """
@@ -631,18 +641,18 @@ def _relation_sentence(says: str, stems: set[tuple[str, str]], total: set[tuple[
         else names[0]
     )
     if len(names) > 1 or whole:
-        says = re.sub(
+        sentence = re.sub(
             r"^\{q\} (is|has|counts)\b",
             lambda verb: "{q} " + {"is": "are", "has": "have", "counts": "count"}[verb[1]],
-            says,
+            sentence,
         )
     others = {(law, name) for law, name in total if name in names} - stems
-    return says.replace("{q}", text) + (
+    return sentence.replace("{q}", text) + (
         f", under the {min(laws)} law" if others and len(laws) == 1 else ""
     )
 
 
-def diagnosed(
+def diagnose(
     grades: Iterable[Grade],
     store: Store,
     advance: Callable[[str, int], None] = lambda label, steps: None,

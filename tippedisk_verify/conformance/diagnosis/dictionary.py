@@ -24,9 +24,9 @@ from tippedisk_verify.conformance.diagnosis.terms import (
     Piece,
     Term,
     Values,
-    parsed,
-    shown,
-    written,
+    parse_definitions,
+    parse_sum,
+    sum_text,
 )
 from tippedisk_verify.model.equations import STATE_NAMES
 
@@ -91,8 +91,8 @@ recursion_parts = M + h_1 + h_2 + h_3 + h_4 + h_5 + f_G + drag + gamma_rate
 transport = slope_beta v + slope_gamma gamma_rate
 residual = epsilon transport - epsilon h / M - epsilon f_G / M + drag v / M - drag h_0 / M
 """
-LINEAR = written(_EQUATIONS + "lambda_Ty = -mu m g gamma_y / epsilon" + _FORMULAS)
-SMOOTH = LINEAR | written("lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)")
+LINEAR = parse_definitions(_EQUATIONS + "lambda_Ty = -mu m g gamma_y / epsilon" + _FORMULAS)
+SMOOTH = LINEAR | parse_definitions("lambda_Ty = -mu m g gamma_y / (abs(gamma_y) + epsilon)")
 
 #: The symbols and sums that are written by mistake for a factor of a term.
 IN_PLACE: dict[str, tuple[str, ...]] = {
@@ -255,7 +255,7 @@ REDEFINED: dict[str, tuple[str, ...]] = {
         "epsilon transport - epsilon h / M - epsilon f_G / M",
     ),
 }
-#: The parts of the normal form at the Hopf point
+# The parts of the normal form at the Hopf point
 _FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
 _PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
 #: Changes of the inputs, by the sentence about them: the new definition of each input.
@@ -291,9 +291,9 @@ INPUTS: dict[str, dict[str, str]] = {
     "pi = 3.1416": {"pi": "3.1416"},
     "pi = 3.14": {"pi": "3.14"},
     **{
-        f"{x} {says}": {x: text.format(x=f"given({x})")}
+        f"{x} {sentence}": {x: text.format(x=f"given({x})")}
         for x in ("beta", "gamma")
-        for says, text in {
+        for sentence, text in {
             "taken as degrees": "1/180 pi {x}",
             "shifted by pi/2": "{x} + 1/2 pi",
             "shifted by -pi/2": "{x} - 1/2 pi",
@@ -304,9 +304,9 @@ INPUTS: dict[str, dict[str, str]] = {
         }.items()
     },
     **{
-        f"{says} {x}": {x: text.format(x=f"given({x})")}
+        f"{sentence} {x}": {x: text.format(x=f"given({x})")}
         for x in ("Omega", *STATE_NAMES)
-        for says, text in {
+        for sentence, text in {
             "the sign of": "-1 {x}",
             "the modulus of": "abs({x})",
             "the first entry's": "first({x})",
@@ -320,9 +320,9 @@ INPUTS: dict[str, dict[str, str]] = {
         }.items()
     },
     **{
-        f"{says} {x}": {x: text.format(x=f"given({x})")}
+        f"{sentence} {x}": {x: text.format(x=f"given({x})")}
         for x in ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
-        for says, text in {
+        for sentence, text in {
             "half of": "1/2 {x}",
             "twice": "2 {x}",
             "a thousand times": "1000 {x}",
@@ -363,7 +363,7 @@ INPUTS: dict[str, dict[str, str]] = {
     "Table 1's B": {"B": "0.000227"},
 }
 _ANGLES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
-#: Additional factors that a term may have by mistake, each with its power.
+# Additional factors that a term may have by mistake, each with its power.
 _EXTRA_FACTORS = (
     *(
         (name, 1)
@@ -371,7 +371,7 @@ _EXTRA_FACTORS = (
     ),
     *((name, -1) for name in ("epsilon", "M", "Omega")),
 )
-#: Additional numbers by which a term may be multiplied by mistake, each with its rank.
+# Additional numbers by which a term may be multiplied by mistake, each with its rank.
 _NUMBERS = {
     **dict.fromkeys((0.5, 2.0), 1),
     **dict.fromkeys((1.5, 2 / 3, 1 / 3, 3.0, 4.0, 0.25), 2),
@@ -381,8 +381,8 @@ _NUMBERS = {
 _COMPOSITE_SUMS = (
     "recursion",
     "residual",
-)  #: sums whose parts are likelier to be wrong than the sums
-#: Factors by which a whole sum may be multiplied by mistake.
+)  # sums whose parts are likelier to be wrong than the sums
+# Factors by which a whole sum may be multiplied by mistake.
 _SUM_FACTORS = {
     "the wrong sign": Term(-1.0, ()),
     "the factor 2": Term(2.0, ()),
@@ -390,7 +390,7 @@ _SUM_FACTORS = {
     **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
     **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
 }
-#: Symbols that stand for sums, which may be wrong in one place only
+# Symbols that stand for sums, which may be wrong in one place only
 _SHARED = ("Bbar", "rho", "inertia")
 _SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
@@ -402,7 +402,7 @@ class Change:
     """
 
     pieces: tuple[Piece, ...]
-    says: str
+    sentence: str
     rank: int = 0  #: lower is likelier
     #: Changes with the same effect
     others: tuple[Change, ...] = field(default=(), compare=False, repr=False)
@@ -418,7 +418,7 @@ class Change:
         return (
             self.rank,
             self.pieces[0][1] is not None or self.pieces[0][0][0] == "(",
-            "term" not in self.says,
+            "term" not in self.sentence,
             -(self.pieces[0][1] or 0),
         )
 
@@ -436,8 +436,12 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
     names = frozenset(names)
     found: dict[tuple[Piece, ...], Change] = {}
     for change in (
-        *(change for name in sorted(names) for change in _of_definition(name, values)),
-        *(_of_inputs(says, puts) for says, puts in INPUTS.items() if names & puts.keys()),
+        *(change for name in sorted(names) for change in _definition_changes(name, values)),
+        *(
+            _input_change(sentence, puts)
+            for sentence, puts in INPUTS.items()
+            if names & puts.keys()
+        ),
     ):
         new = {x for *_, terms in change.pieces for term in terms for x, _ in term.factors}
         changed = {name for name, *_ in change.pieces}
@@ -446,13 +450,15 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
     return list(found.values())
 
 
-def _of_inputs(says: str, puts: Mapping[str, str]) -> Change:
-    pieces = tuple((name, None, parsed(text)) for name, text in puts.items())
-    unusual = any(word in says for word in ("ten", "hundred", "thousand"))
-    return Change(pieces, says if "vector" in says else f"the inputs: {says}", 2 + unusual)
+def _input_change(sentence: str, puts: Mapping[str, str]) -> Change:
+    pieces = tuple((name, None, parse_sum(text)) for name, text in puts.items())
+    unusual = any(word in sentence for word in ("ten", "hundred", "thousand"))
+    return Change(
+        pieces, sentence if "vector" in sentence else f"the inputs: {sentence}", 2 + unusual
+    )
 
 
-def _of_definition(name: str, values: Values) -> Iterator[Change]:
+def _definition_changes(name: str, values: Values) -> Iterator[Change]:
     """Yield the possible mistakes in one definition: a change of the whole sum, of each term, or by
     a common factor.
 
@@ -462,12 +468,14 @@ def _of_definition(name: str, values: Values) -> Iterator[Change]:
     """
     terms = values.terms(name)
     for text in REDEFINED.get(name, ()):
-        yield Change(((name, None, parsed(text)),), f"{name} = {text}, not {shown(terms)}")
+        yield Change(((name, None, parse_sum(text)),), f"{name} = {text}, not {sum_text(terms)}")
     several = len(terms) > 1
     for n, term in enumerate(terms):
-        for new, says, rank in _of_term(term, several or name in _SUMS) if term.number else ():
-            late = name in _COMPOSITE_SUMS or (name[0] == "(" and "(" in shown(new))
-            yield Change(((name, n, new),), f"in {name}: {says}", rank + late)
+        for new, sentence, rank in (
+            _term_replacements(term, several or name in _SUMS) if term.number else ()
+        ):
+            late = name in _COMPOSITE_SUMS or (name[0] == "(" and "(" in sum_text(new))
+            yield Change(((name, n, new),), f"in {name}: {sentence}", rank + late)
     for text, factor in _SUM_FACTORS.items() if several and name[0] != "(" else ():
         yield Change(
             tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms)),
@@ -480,7 +488,7 @@ Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and ran
 
 
 @lru_cache(4096)
-def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
+def _term_replacements(term: Term, several: bool) -> tuple[Replacement, ...]:
     """Return what people may write by mistake in place of a term, each with a sentence and a rank.
 
     Args:
@@ -504,7 +512,7 @@ def _of_term(term: Term, several: bool) -> tuple[Replacement, ...]:
 
 
 def _in_place(old: Term, new: Term, rank: int) -> Replacement:
-    return (new,), f"{shown((new,))} for {shown((old,))}", rank
+    return (new,), f"{sum_text((new,))} for {sum_text((old,))}", rank
 
 
 def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
@@ -516,14 +524,14 @@ def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
         several: True if the term is one of several in a sum, so that it may be missing or doubled.
     """
     if several:
-        yield (NOTHING,), f"the term {shown((term,))} is missing", 0
-        yield (term.times(2.0),), f"the term {shown((term,))} is doubled", 2
-    yield (term.times(-1.0),), f"the sign of {shown((term,))}", 0 if several else 1
+        yield (NOTHING,), f"the term {sum_text((term,))} is missing", 0
+        yield (term.times(2.0),), f"the term {sum_text((term,))} is doubled", 2
+    yield (term.times(-1.0),), f"the sign of {sum_text((term,))}", 0 if several else 1
     for number, rank in _NUMBERS.items():
-        new, says, rank = _in_place(term, term.times(number), rank + (len(term.factors) == 1))
+        new, sentence, rank = _in_place(term, term.times(number), rank + (len(term.factors) == 1))
         if abs(number * term.number) == 1 and term.factors:
-            says = f"the factor {abs(term.number):g} is missing in {shown((term,))}"
-        yield new, says, rank
+            sentence = f"the factor {abs(term.number):g} is missing in {sum_text((term,))}"
+        yield new, sentence, rank
 
 
 def _other_factors(term: Term) -> Iterator[Replacement]:
@@ -540,7 +548,7 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
                 yield _in_place(term, term.with_factor_replaced(name, other, one), 1)
         yield (
             (term.times(1.0, name, -power),),
-            f"the factor {name} is missing in {shown((term,))}",
+            f"the factor {name} is missing in {sum_text((term,))}",
             0,
         )
         for new, rank in {power - one: 0, one: 0, power + one: 1, -power: 1}.items():

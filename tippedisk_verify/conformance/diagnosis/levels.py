@@ -19,7 +19,7 @@ from tippedisk_verify.conformance.diagnosis.tables import Answered, Array, Table
 from tippedisk_verify.conformance.diagnosis.terms import Values
 from tippedisk_verify.model.equations import STATE_NAMES
 
-__all__ = ["PREDICTED", "VARIANTS", "Results", "base_of", "problems"]
+__all__ = ["PREDICTED", "VARIANTS", "Results", "base_values", "problems"]
 
 Results = dict[str, Any]  #: values by the name of the quantity, one to an entry
 _ORDERS = range(6)
@@ -28,7 +28,7 @@ _RATES = (
     *("h_1", "h_2", "h_3", "h_4", "h_5", "h", "lambda_Ty", "v_rate"),
 )
 _DERIVATIVES = ("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
-#: The definitions of the quantities that are searched, in the order of the equations
+# The definitions of the quantities that are searched, in the order of the equations
 _DEFINITIONS: dict[str, dict[str, str]] = {
     "rhs": {name: name for name in (*_RATES, *_DERIVATIVES)},
     "equilibrium": {name: name for name in ("A_31", "A_32", "A_33")},
@@ -50,15 +50,15 @@ _DEFINITIONS: dict[str, dict[str, str]] = {
         **{f"residual_{n}": "residual" for n in _ORDERS},
     },
 }
-#: By quantity: the definition in whose place the answers are put, where other definitions use it
+# By quantity: the definition in whose place the answers are put, where other definitions use it
 _ANSWERED = {
     "v_rate": "answered_rate",
     "omega_crit": "hopf_speed",
     "amplitude": "answered_amplitude",
     "frequency": "answered_frequency",
 }
-#: Identities: sums that vanish for right answers, and are linear in the definitions' terms. For
-#: other quantities the identity is the answer minus the definition.
+# Identities: sums that vanish for right answers, and are linear in the definitions' terms. For
+# other quantities the identity is the answer minus the definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
     **{
@@ -69,11 +69,11 @@ _IDENTITIES = {
     "frequency": "answer^2 - frequency_squared",
     "h_next": "drag answer - recursion",
 }
-_NODES, _RADIUS = 16, 0.09  #: of the circles [rad] on which the slow manifold is differentiated
+_NODES, _RADIUS = 16, 0.09  # of the circles [rad] on which the slow manifold is differentiated
 _ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
 
 
-def base_of(definitions: Mapping[str, Any], table: Table) -> Values:
+def base_values(definitions: Mapping[str, Any], table: Table) -> Values:
     """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
@@ -83,16 +83,16 @@ def base_of(definitions: Mapping[str, Any], table: Table) -> Values:
     return Values(
         definitions,
         {
-            **table.given,
-            "side": np.where(table.given["equilibrium"] == "noninverted", -1.0, 1.0),
-            "consistent": (table.given["form"] == "consistent") * 1.0,
+            **table.inputs,
+            "side": np.where(table.inputs["equilibrium"] == "noninverted", -1.0, 1.0),
+            "consistent": (table.inputs["form"] == "consistent") * 1.0,
             "pi": np.pi,
         },
     )
 
 
 # ---- what definitions predict
-def results(kind: str, values: Values) -> Results:
+def predict_results(kind: str, values: Values) -> Results:
     """Return the values that a program computes for all quantities of a kind, by name, one value to
     an entry.
 
@@ -102,7 +102,7 @@ def results(kind: str, values: Values) -> Results:
     """
     parts = _PARTS[kind](values) if kind in _PARTS else {}
     return {
-        name: (values.at(**parts[name]) if name in parts else values)[definition]
+        name: (values.at_inputs(**parts[name]) if name in parts else values)[definition]
         for name, definition in _DEFINITIONS[kind].items()
     }
 
@@ -116,7 +116,7 @@ def matrix(values: Values, **place: Any) -> Array:
             entry's equilibrium and speed.
     """
     place = {"beta": "1/2 pi", "gamma": "1/2 side pi", "v": "0", **place}
-    at = values.at(
+    at = values.at_inputs(
         **{x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
     )
     return _assembled(at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values)
@@ -222,7 +222,7 @@ def _cubic(values: Values, speed: Array, q: Array) -> Array:
         x: place + turn * radius * part
         for x, place, part in zip(STATE_NAMES, (np.pi / 2, np.pi / 2, 0.0), q, strict=True)
     }
-    at = values.at(**state, Omega=speed)
+    at = values.at_inputs(**state, Omega=speed)
     return np.array(
         [np.mean(at[name] / turn**3, axis=0) * 6 / radius**3 for name in ("gamma_rate", "v_rate")]
     )
@@ -267,7 +267,7 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
     for n in _ORDERS[1:]:
         sums = _sums(h, radius)
         found[f"h_{n}"] = {key: _centre(x) for key, x in sums.items()} | {"v": 1.0}
-        h += [Values(base.definitions, {**base.given, **sums}, dict(base.known))["h_next"]]
+        h += [Values(base.definitions, {**base.inputs, **sums}, dict(base.computed))["h_next"]]
         found[f"residual_{n}"] = _partial(values, h, radius)
     return found
 
@@ -326,14 +326,14 @@ def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
     return found
 
 
-#: Functions that compute further inputs of the definitions by quantity, for some kinds
+# Functions that compute further inputs of the definitions by quantity, for some kinds
 _PARTS: dict[str, Callable[[Values], dict[str, dict[str, Any]]]] = {
     "hopf": normal_form,
     "slow-manifold": series,
 }
 #: Functions that compute the quantities of a kind from a program's values, by different formulas
 PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
-    **{kind: (partial(results, kind),) for kind in _DEFINITIONS},
+    **{kind: (partial(predict_results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
         lambda values: _spectrum(
             _assembled(
@@ -343,7 +343,7 @@ PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
         lambda values: _spectrum(matrix(values)),
     ),
 }
-#: States and speeds at which the equations are linearised by mistake, by the sentence about it
+# States and speeds at which the equations are linearised by mistake, by the sentence about it
 _PLACES = {
     "noninverted spinning is taken at (3 pi/2, pi/2, 0)": {
         "beta": "pi - 1/2 side pi",
@@ -358,7 +358,7 @@ _PLACES = {
     "the eigenvalues are at Omega = 30.92": {"Omega": "30.92"},
     "the eigenvalues are at the first entry's Omega": {"Omega": "first(Omega)"},
 }
-#: Matrices by which the right one is multiplied from the left, by the sentence about the mistake
+# Matrices by which the right one is multiplied from the left, by the sentence about the mistake
 _FACTORS = {
     "the matrix has the rows of gamma and v exchanged": np.eye(3)[[0, 2, 1]],
     "the matrix has the rows of beta and gamma exchanged": np.eye(3)[[1, 0, 2]],
@@ -366,7 +366,7 @@ _FACTORS = {
     "d(gamma')/d(beta) has the wrong sign in the matrix": np.diag([1.0, -1.0, 1.0]),
     "the matrix has the wrong sign": -np.eye(3),
 }
-#: Keys by which eigenvalues may be sorted
+# Keys by which eigenvalues may be sorted
 _SORTED: dict[str, Callable[[Array], Array]] = {
     "real parts": np.real,
     "moduli": np.abs,
@@ -392,8 +392,8 @@ def _variant(
 #: Functions that compute the quantities of a kind with a mistake, by the sentence about it
 VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
     "equilibrium": {
-        **{says: _variant(place=place) for says, place in _PLACES.items()},
-        **{says: _variant(factor=factor) for says, factor in _FACTORS.items()},
+        **{sentence: _variant(place=place) for sentence, place in _PLACES.items()},
+        **{sentence: _variant(factor=factor) for sentence, factor in _FACTORS.items()},
         **{
             f"the eigenvalues are those of a symmetric matrix ({part} part)": _variant(
                 solve=partial(np.linalg.eigvalsh, UPLO=part[0].upper())
@@ -438,7 +438,7 @@ def problems(table: Table, base: Values) -> list[RegressionProblem]:
     for name, definition in _DEFINITIONS[table.kind].items():
         cells = columns.get(name) or table.column(name)
         rows = np.flatnonzero(np.isfinite(cells.answer))
-        inputs = {**base.given, **parts.get(name, {})}
+        inputs = {**base.inputs, **parts.get(name, {})}
         found += [
             RegressionProblem(
                 cells.answer[rows],

@@ -22,7 +22,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
 from tippedisk_verify.conformance.diagnosis.tables import Answered, Array
-from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parsed
+from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parse_sum
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["RegressionProblem", "Search", "likelihood", "with_changes"]
@@ -51,7 +51,7 @@ class RegressionProblem(Answered):
     name: str
     definition: str
     identity: str  #: a sum that vanishes for right answers, which it contains as ``answer``
-    given: Mapping[str, Any]
+    inputs: Mapping[str, Any]
 
     @np.errstate(all="ignore")
     def fits(self, values: Values) -> bool:
@@ -89,25 +89,25 @@ class RegressionProblem(Answered):
         return min(int((evidence - _ASSUMED[0]) / _ASSUMED[1]), len(self.sample))
 
 
-def likelihood(some: Iterable[Change]) -> list[int]:
+def likelihood(change_set: Iterable[Change]) -> list[int]:
     """Return a key by which sets of changes are sorted: the likelier a set of mistakes, the lower
     its key.
 
     Args:
-        some: The changes of the set.
+        change_set: The changes of the set.
     """
-    return [sum(parts) for parts in zip(*(change.order for change in some), strict=True)]
+    return [sum(parts) for parts in zip(*(change.order for change in change_set), strict=True)]
 
 
-def with_changes(values: Values, some: Iterable[Change]) -> Values:
+def with_changes(values: Values, change_set: Iterable[Change]) -> Values:
     """Return the equations of a program after several changes have been made in them, one after
     another.
 
     Args:
         values: The program to be changed; it stays as it is.
-        some: The changes.
+        change_set: The changes.
     """
-    for change in some:
+    for change in change_set:
         values = values.changed(change.pieces)
     return values
 
@@ -199,12 +199,12 @@ class _Effects:
 
     def __init__(self, problem: RegressionProblem, program: Values, right: frozenset[str]) -> None:
         self.problem, self.program, self.right = problem, program, right
-        self.identity, rows = parsed(problem.identity), problem.sample
-        given = {name: x[rows] if np.ndim(x) else x for name, x in program.given.items()}
+        self.identity, rows = parse_sum(problem.identity), problem.sample
+        given = {name: x[rows] if np.ndim(x) else x for name, x in program.inputs.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
-        self.values = values = program.at(**given, answer=answer)
+        self.values = values = program.at_inputs(**given, answer=answer)
         self.unit = unit = np.abs(
-            self.total(program.at(**given, answer=answer + allowed)) - self.total(values)
+            self.total(program.at_inputs(**given, answer=answer + allowed)) - self.total(values)
         )
         self.residual = self.total(values) / unit
         self.names = values.total(self.identity)[1] - {"answer"} - right
@@ -219,12 +219,12 @@ class _Effects:
         self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
 
-    def fits(self, some: ChangeSet) -> bool:
+    def fits(self, change_set: ChangeSet) -> bool:
         """Return True if a program with a set of changes gives all answers to the quantity, and
         these are enough evidence for so large a set.
         """
-        return len(some) <= self.problem.max_changes and self.problem.fits(
-            with_changes(self.program, some)
+        return len(change_set) <= self.problem.max_changes and self.problem.fits(
+            with_changes(self.program, change_set)
         )
 
     def total(self, values: Values) -> Array:
@@ -234,7 +234,7 @@ class _Effects:
         Args:
             values: The program with the inputs and the answers of the sample.
         """
-        return np.real(values.total(self.identity)[0] + 0 * values.given["answer"])
+        return np.real(values.total(self.identity)[0] + 0 * values.inputs["answer"])
 
     def sums(self, size: int, highest: int) -> Iterator[ChangeSet]:
         """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
@@ -290,7 +290,7 @@ class _Effects:
         """
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
-            old = float(np.ravel(self.values.given[name])[0])
+            old = float(np.ravel(self.values.inputs[name])[0])
             last, off, x = old, self.residual[row] * self.unit[row], 1.001 * old
             for _ in range(15):
                 now = self.total(self.values.changed([(name, None, (Term(x, ()),))]))[row]

@@ -19,7 +19,7 @@ from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Relation", "condition_phrase", "related"]
+__all__ = ["Relation", "condition_phrase", "relations_of"]
 
 # The least share of a quantity's wrong answers that a relation to another question must give.
 _COVERED = 0.4
@@ -59,7 +59,7 @@ _FACTORS |= {
 _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
-#: Functions of the right value, by rank and sentence
+# Functions of the right value, by rank and sentence
 _FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _Function]] = {
     0: {"has the wrong sign": np.negative},
     1: {
@@ -104,7 +104,7 @@ _FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _Function]] = {
     },
     4.5: {f"has the factor {text}": partial(np.multiply, x) for text, x in _TENS.items()},
 }
-#: Functions of the right value x, and of the value y of another quantity or of an input
+# Functions of the right value x, and of the value y of another quantity or of an input
 _FUNCTIONS_OF_TWO_VALUES: dict[str, Callable[[Array, Array], Array]] = {
     "has the values of {y}": lambda x, y: y,
     "has the values of {y} with the wrong sign": lambda x, y: -y,
@@ -130,14 +130,14 @@ _FUNCTIONS_OF_TWO_VALUES: dict[str, Callable[[Array, Array], Array]] = {
     "is 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
-#: Lists of questions, each with the pattern by which an id contains the place in the list
+# Lists of questions, each with the pattern by which an id contains the place in the list
 _LISTS = {
     "entry": r"/([^/]+)/[^/]+$",
     "sample in time": r"@([^/@]+)$",
     "crossing": r"#(\d+)$",
     "order": r"/(?:h|residual)_(\d+)$",
 }
-#: Functions from the places of such a list to the places whose values stand there; "" for none
+# Functions from the places of such a list to the places whose values stand there; "" for none
 _REORDERINGS: dict[str, Callable[[list[str]], list[str]]] = {
     "the next": lambda places: places[1:],
     "the previous": lambda places: ["", *places],
@@ -147,7 +147,7 @@ _REORDERINGS: dict[str, Callable[[list[str]], list[str]]] = {
     "every second": lambda places: places[1::2],
     "every second, from the first on,": lambda places: places[::2],
 }
-#: Words of ids that may be exchanged
+# Words of ids that may be exchanged
 _EXCHANGEABLE_WORDS = (
     ("inverted", "noninverted"),
     ("printed", "consistent"),
@@ -160,7 +160,7 @@ class Relation(NamedTuple):
     """A simple relation to right values that the wrong answers to a quantity have."""
 
     rank: float  #: lower is likelier
-    says: str  #: sentence with {q} for the quantity
+    sentence: str  #: sentence with {q} for the quantity
     table: Table
     quantity: str  #: the quantity
     answers: Array  #: mask of the unexplained answers that the relation gives
@@ -182,18 +182,18 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
         for text, function in functions.items():
             yield rank, f"{{q}} {text}", function(x)
     yield 3, "{q} is off by whole turns", x + 2 * _PI * np.round((table.answer - x) / (2 * _PI))
-    for rank, says, ids in _exchanged(table):
-        yield rank, says, _right_values(truths, ids)
+    for rank, sentence, ids in _exchanged_questions(table):
+        yield rank, sentence, _right_values(truths, ids)
     for name, values in _other_values(table, truths).items():
         y = np.where(table.quantity_names == name, np.nan, values)
         for n, (text, of_two) in (
             enumerate(_FUNCTIONS_OF_TWO_VALUES.items()) if np.isfinite(y).any() else ()
         ):
             yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", of_two(x, y)
-    yield from _rounded(table)
+    yield from _rounded_answers(table)
 
 
-def _exchanged(table: Table) -> Iterator[tuple[float, str, list[str]]]:
+def _exchanged_questions(table: Table) -> Iterator[tuple[float, str, list[str]]]:
     """Yield the ways in which questions may have been exchanged, each as a rank, a sentence, and a
     list of ids.
 
@@ -252,7 +252,7 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
         )
     for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
-        found[f"the {sort} {name}"] = table.given[name][table.rows]
+        found[f"the {sort} {name}"] = table.inputs[name][table.rows]
     if "period" in found:
         found["the angular frequency"] = 2 * _PI / found["period"]
     order = np.array([float(place.get("order", "nan")) for place in table.places])
@@ -273,7 +273,7 @@ def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
     return np.array([truths.get(id_, np.nan) for id_ in ids])
 
 
-def _rounded(table: Table) -> Iterator[Prediction]:
+def _rounded_answers(table: Table) -> Iterator[Prediction]:
     """Yield the answers that would be given if right values were rounded or truncated.
 
     Rounded and truncated answers are multiples of a decimal unit. They lie within half a unit
@@ -299,7 +299,7 @@ def _rounded(table: Table) -> Iterator[Prediction]:
 
 
 @np.errstate(all="ignore")
-def related(
+def relations_of(
     table: Table, truths: Mapping[str, float], variants: Mapping[str, Array]
 ) -> list[Relation]:
     """Return the relations that give the wrong answers to any of a table's quantities.
@@ -314,8 +314,8 @@ def related(
     found = []
     stems, group = np.unique(table.quantity_names, return_inverse=True)
     wrong, conditions = np.bincount(group, table.unexplained), list(_conditions(table))
-    others = ((1, says, predicted) for says, predicted in variants.items())
-    for rank, says, predicted in chain(others, _predictions(table, truths)):
+    others = ((1, sentence, predicted) for sentence, predicted in variants.items())
+    for rank, sentence, predicted in chain(others, _predictions(table, truths)):
         known = np.isfinite(predicted)
         fits = table.fitted(predicted) & known
         mine, against = fits & table.unexplained, known & ~fits
@@ -334,7 +334,7 @@ def related(
                     found.append(
                         Relation(
                             rank + 5 * bool(text),
-                            says + text,
+                            sentence + text,
                             table,
                             str(stems[n]),
                             in_group & table.unexplained,
@@ -356,14 +356,14 @@ def _conditions(
         signed: Numbers by name, one to an entry, whose signs become conditions.
     """
     yield "", np.ones_like(table.unexplained)
-    words = {name: table.given[name] for name in ("equilibrium", "form")}
+    words = {name: table.inputs[name] for name in ("equilibrium", "form")}
     words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
     for name, values in words.items():
         picked = np.unique(values[table.rows][table.unexplained])
         if len(picked) == 1 and (values != picked[0]).any():
             yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
     for name, values in (signed or {}).items():
-        sign = np.sign(values + 0 * table.given["r"])[table.rows]
+        sign = np.sign(values + 0 * table.inputs["r"])[table.rows]
         for symbol, side in (("<", -1), ("=", 0), (">", 1)):
             yield f" where {name} {symbol} 0", sign == side
 
@@ -379,7 +379,7 @@ def condition_phrase(table: Table, gamma_y: Array) -> str:
         gamma_y: The sliding velocity of each entry.
     """
     stems = np.unique(table.quantity_names[table.unexplained])
-    same, given = np.isin(table.quantity_names, stems), table.given
+    same, given = np.isin(table.quantity_names, stems), table.inputs
     names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
     signed = {

@@ -19,8 +19,8 @@ _MAX_STEP_SIZES = (
     4  # steps that are tried, nearest to the step that the order of the method suggests
 )
 _REFERENCE_STEP = 2e-3  # s, from which errors are extrapolated; friction damps at about 130/s
-#: Methods by name: the order, the share of the step at which each slope after the first is
-#: evaluated, and the weights of the slopes.
+# Methods by name: the order, the share of the step at which each slope after the first is
+# evaluated, and the weights of the slopes.
 _METHODS = {
     "the classical Runge-Kutta method": (4, (0.5, 0.5, 1.0), (1 / 6, 1 / 3, 1 / 3, 1 / 6)),
     "Heun's method": (2, (1.0,), (0.5, 0.5)),
@@ -30,7 +30,7 @@ _METHODS = {
 }
 
 
-#: The inputs of a trajectory: the constants, the speed, and the initial state
+# The inputs of a trajectory: the constants, the speed, and the initial state
 _INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *STATE_NAMES)
 #: A Runge-Kutta method: its order, shares of the step, and weights
 Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
@@ -76,7 +76,7 @@ def recognised_method(table: Table) -> str:
     truths, errors = truths[:, rows], errors[:, rows]
     if not errors.any() or not table.unexplained.any():
         return ""
-    r, e, m, A, B, g, mu, epsilon, omega, *start = (table.given[x][rows] for x in _INPUTS)
+    r, e, m, A, B, g, mu, epsilon, omega, *start = (table.inputs[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
     vector_field = field(
         np,

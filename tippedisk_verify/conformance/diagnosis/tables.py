@@ -64,7 +64,7 @@ class Table(Answered):
     truths.
 
     ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
-    element to an answer. The arrays in ``given`` have one element to an entry.
+    element to an answer. The arrays in ``inputs`` have one element to an entry.
     """
 
     kind: str
@@ -72,7 +72,7 @@ class Table(Answered):
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
     #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``
-    given: Mapping[str, Any]
+    inputs: Mapping[str, Any]
     names: Array  #: the quantity with its place, such as ``h_3`` or ``beta@0.5``
     rows: Array  #: the index of the answer's entry in ``entries``
     scale: Array  #: the size relative to which digits are counted
@@ -162,7 +162,7 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
             float(as_decimal(grade.answer)),
             float(Decimal(grade.truth)),
             float(scale_of(quantity, Decimal(grade.truth))),
-            grade.needs,
+            grade.required_digits,
         )
         for quantity, grade in some
     ]
@@ -173,7 +173,7 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
         level=some[0][0].level,
         friction=some[0][0].friction,
         entries=entries,
-        given=given,
+        inputs=given,
         names=np.array([quantity.name for quantity, _ in some]),
         rows=rows,
         answer=answer,

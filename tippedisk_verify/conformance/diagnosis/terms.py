@@ -23,13 +23,13 @@ __all__ = [
     "Piece",
     "Term",
     "Values",
-    "parsed",
-    "shown",
-    "written",
+    "parse_definitions",
+    "parse_sum",
+    "sum_text",
 ]
 
 
-_UNIT_FACTORS = ("", "1")  #: names that stand for no factor
+_UNIT_FACTORS = ("", "1")  # names that stand for no factor
 
 
 class Term(NamedTuple):
@@ -89,14 +89,14 @@ Piece = tuple[str, int | None, Terms]
 NOTHING = Term(0.0, ())  #: in place of a missing term, so that the indices of the other terms stay
 
 
-_NESTED = r"[^()]*"  #: text with parentheses in it, up to the depth that definitions have
+_NESTED = r"[^()]*"  # text with parentheses in it, up to the depth that definitions have
 for _depth in range(4):
     _NESTED = rf"(?:[^()]|\({_NESTED}\))*"
 _WORD = re.compile(rf"(?:[^\s()]|\({_NESTED}\))+")
 
 
 @cache
-def parsed(text: str) -> Terms:
+def parse_sum(text: str) -> Terms:
     """Return the terms of a sum that is written as text, such as ``m r^2 - e``."""
     terms, power, term = list[Term](), 1, Term(1.0, ())
     for word in _WORD.findall(re.sub(r"^-(?=\S)", "- ", text.strip())):
@@ -115,8 +115,8 @@ def parsed(text: str) -> Terms:
 
 
 @cache
-def shown(terms: Terms) -> str:
-    """Write a sum of terms as text, in the notation that `parsed` reads, without ``given``."""
+def sum_text(terms: Terms) -> str:
+    """Write a sum of terms as text, in the notation that `parse_sum` reads, without ``given``."""
     text = " + ".join(term.text() for term in terms if term.number).replace("+ -", "- ")
     return re.sub(r"given\((\w+)\)", r"\1", text) or "0"
 
@@ -152,13 +152,13 @@ class Values:
     """
 
     definitions: Definitions
-    given: Mapping[str, Any]
+    inputs: Mapping[str, Any]
     #: The values computed so far, each with the names from which it is computed
-    known: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
+    computed: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
-    def at(self, **inputs: Any) -> Values:
+    def at_inputs(self, **inputs: Any) -> Values:
         """Return the values of the same equations for other or additional inputs."""
-        return Values(self.definitions, {**self.given, **inputs})
+        return Values(self.definitions, {**self.inputs, **inputs})
 
     def with_inputs(self, **inputs: Any) -> Values:
         """Return the values of the equations when some definitions are replaced by inputs of the
@@ -166,27 +166,27 @@ class Values:
         """
         return Values(
             {name: terms for name, terms in self.definitions.items() if name not in inputs},
-            {**self.given, **inputs},
+            {**self.inputs, **inputs},
         )
 
     def __getitem__(self, name: str) -> Any:
-        if name not in self.known:
-            self.known[name] = self._computed(name)
-        return self.known[name][0]
+        if name not in self.computed:
+            self.computed[name] = self._computed(name)
+        return self.computed[name][0]
 
     def inputs_of(self, name: str) -> frozenset[str]:
         """Return the names of all definitions and inputs from which a value is computed, its own
         among them.
         """
         self[name]
-        return self.known[name][1]
+        return self.computed[name][1]
 
     def terms(self, name: str) -> Terms:
         """Return the terms of a definition by its name, or those of a sum in parentheses; () for
         other names.
         """
         found = self.definitions.get(name, ())
-        return parsed(name[1:-1]) if name.startswith("(") and not found else found
+        return parse_sum(name[1:-1]) if name.startswith("(") and not found else found
 
     def total(self, terms: Terms) -> tuple[Any, frozenset[str]]:
         total: Any = np.float64(0.0)
@@ -195,7 +195,7 @@ class Values:
             product: Any = term.number
             for name, power in term.factors:
                 product = product * self[name] ** power if power != 1 else product * self[name]
-                names |= self.known[name][1]
+                names |= self.computed[name][1]
             total = total + product
         return total, names
 
@@ -204,15 +204,15 @@ class Values:
         if terms or name in self.definitions:
             value, names = self.total(terms)
         elif name.startswith("given("):
-            return self.given[name[6:-1]], frozenset([name])
+            return self.inputs[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
-            at = self.at(**{slope[2]: self.given[slope[2]] + _IMAGINARY_STEP * 1j})
+            at = self.at_inputs(**{slope[2]: self.inputs[slope[2]] + _IMAGINARY_STEP * 1j})
             return np.imag(at[slope[1]]) / _IMAGINARY_STEP, at.inputs_of(slope[1]) | {name}
-        elif name in self.given:
-            return self.given[name], frozenset([name])
+        elif name in self.inputs:
+            return self.inputs[name], frozenset([name])
         else:
             function, _, argument = name[:-1].partition("(")
-            value, names = self.total(parsed(argument))
+            value, names = self.total(parse_sum(argument))
             value = FUNCTIONS[function](value)
         return value, names | {name}
 
@@ -234,12 +234,12 @@ class Values:
             definitions[name] = terms
         return Values(
             definitions,
-            self.given,
-            {name: item for name, item in self.known.items() if not item[1] & names},
+            self.inputs,
+            {name: item for name, item in self.computed.items() if not item[1] & names},
         )
 
 
-def written(lines: str) -> dict[str, Terms]:
+def parse_definitions(lines: str) -> dict[str, Terms]:
     """Read definitions of equations from a text, one to a line: return their terms by name."""
     pairs = (line.split(" = ", 1) for line in lines.strip().splitlines() if line.strip())
-    return {name.strip(): parsed(text) for name, text in pairs}
+    return {name.strip(): parse_sum(text) for name, text in pairs}

@@ -10,7 +10,7 @@ import sys
 from collections.abc import Sequence
 from io import TextIOWrapper
 
-from tippedisk_verify.proofs.kernel.certificates import Refused, Unproved, check
+from tippedisk_verify.proofs.kernel.certificates import NotACertificate, Unproved, check
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -20,9 +20,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     named = sys.argv[1:] if arguments is None else list(arguments)
     try:
         if len(named) != 1:
-            raise Refused("give the name of one certificate")
+            raise NotACertificate("give the name of one certificate")
         print(f"proved: {check(named[0])}")
-    except Refused as fault:
+    except NotACertificate as fault:
         print(f"not a certificate: {fault}"[:1000], file=sys.stderr)
         return 2
     except Unproved as fault:

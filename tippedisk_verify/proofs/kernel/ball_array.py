@@ -58,7 +58,7 @@ from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
-__all__ = ["BallArray", "quieted", "trusted", "with_rounding"]
+__all__ = ["BallArray", "unchecked_ball_array", "with_rounding", "without_warnings"]
 
 Array = NDArray[np.float64]
 
@@ -102,7 +102,7 @@ def quiet() -> Iterator[None]:
             _IS_QUIET.reset(before)
 
 
-def quieted(function: _F) -> _F:
+def without_warnings(function: _F) -> _F:
     """Decorate an operation on arrays of balls so that it runs within `quiet`, without numpy's
     warnings.
     """
@@ -129,7 +129,7 @@ class BallArray:
     quiet = staticmethod(quiet)
     __array_ufunc__ = None  # numpy's numbers on the left leave the operation to this class
 
-    @quieted
+    @without_warnings
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
         given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
         if given_mid.ndim != 1:
@@ -183,7 +183,7 @@ class BallArray:
 
     def __getitem__(self, places: Any) -> BallArray:
         """Return some of the array's balls: those of a slice, a mask or a list of indices."""
-        return trusted(self._mid[places], self._rad[places])
+        return unchecked_ball_array(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
         """Return an empty power series, whose coefficients will be arrays of as many balls as this
@@ -200,7 +200,7 @@ class BallArray:
         return BallArraySeries(len(self))
 
     # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
-    @quieted
+    @without_warnings
     def __add__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
@@ -216,11 +216,11 @@ class BallArray:
         return (-self).__add__(other)
 
     def __neg__(self) -> BallArray:
-        return trusted(-self._mid, self._rad)
+        return unchecked_ball_array(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t). With |s| <= ra and |t| <= rb this is at most
     # |a| rb + ra (|b| + rb).
-    @quieted
+    @without_warnings
     def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
         if factor in (1.0, -1.0):
@@ -236,7 +236,7 @@ class BallArray:
 
     __rmul__ = __mul__
 
-    @quieted
+    @without_warnings
     def square(self) -> BallArray:
         """Return the squares of the balls.
 
@@ -249,7 +249,7 @@ class BallArray:
         radius *= self._rad
         return with_rounding(self._mid * self._mid, radius)
 
-    @quieted
+    @without_warnings
     def __truediv__(self, other: Any) -> BallArray:
         """Return balls that hold the quotients by ``other``; they are infinite where the divisor's
         ball holds 0.
@@ -280,14 +280,14 @@ class BallArray:
 
     def sin(self) -> BallArray:
         """Return balls that hold the sine of these balls; infinite for midpoints beyond 2^18."""
-        return self._turned(0)
+        return self._shifted_sine(0)
 
     def cos(self) -> BallArray:
         """Return balls that hold the cosine of these balls; infinite for midpoints beyond 2^18."""
-        return self._turned(1)
+        return self._shifted_sine(1)
 
-    @quieted
-    def _turned(self, quarters: int) -> BallArray:
+    @without_warnings
+    def _shifted_sine(self, quarters: int) -> BallArray:
         """Return sin(x + quarters pi/2) for these balls x; with 1 quarter that is the cosine.
 
         Let x = y + n pi/2 and j = n + quarters. Then the result is sin(y + j pi/2).
@@ -315,7 +315,7 @@ class BallArray:
             return self
         return half.square() * self if power % 2 else half.square()
 
-    @quieted
+    @without_warnings
     def abs_upper(self) -> BallArray:
         """Return upper bounds of the absolute values of the balls, as balls of radius zero
         (infinite where the ball is).
@@ -340,7 +340,7 @@ class BallArray:
 
     converted_like = constant
 
-    @quieted
+    @without_warnings
     def union(self, other: Any) -> BallArray:
         """Return balls that hold both operands.
 
@@ -362,7 +362,7 @@ class BallArray:
         """Return a mask that is True for balls whose numbers are all negative."""
         return (-self._mid > self._rad) & self.is_finite()
 
-    @quieted
+    @without_warnings
     def inside(self, other: Any) -> NDArray[np.bool_]:
         """Return a mask that is True for balls in the interior of the other array's ball.
 
@@ -391,7 +391,7 @@ def _doubles(values: Any) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def trusted(mid: Array, rad: Array) -> BallArray:
+def unchecked_ball_array(mid: Array, rad: Array) -> BallArray:
     """Return a `BallArray` that shares the given arrays, without checking or copying them.
 
     The arrays must already obey the module's rules for midpoints and radii.
@@ -414,7 +414,7 @@ def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     radius += rounding
     radius *= up
     radius += _TINY
-    return trusted(middle, np.fmin(radius, np.inf, out=radius))
+    return unchecked_ball_array(middle, np.fmin(radius, np.inf, out=radius))
 
 
 def _exact_float(value: Any) -> float | None:

@@ -12,7 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tippedisk_verify.proofs.kernel.ball_array import BallArray, quieted, trusted, with_rounding
+from tippedisk_verify.proofs.kernel.ball_array import (
+    BallArray,
+    unchecked_ball_array,
+    with_rounding,
+    without_warnings,
+)
 
 __all__ = ["BallArraySeries"]
 
@@ -42,7 +47,7 @@ class BallArraySeries(Sequence[BallArray]):
         """The number of balls in each coefficient of the series."""
         return int(self._rows.shape[2])
 
-    @quieted
+    @without_warnings
     def append(self, ball: BallArray) -> None:
         """Append a copy of an array of balls as the next coefficient of the series."""
         if self._length == self._rows.shape[1]:
@@ -78,9 +83,9 @@ class BallArraySeries(Sequence[BallArray]):
             part._rows = rows[:, index]
             part._length = part._rows.shape[1]
             return part
-        return trusted(rows[0, index], rows[4, index])
+        return unchecked_ball_array(rows[0, index], rows[4, index])
 
-    @quieted
+    @without_warnings
     def convolution(self, other: BallArraySeries) -> BallArray | int:
         """Return a_0 b_(k-1) + … + a_(k-1) b_0 for series a, b of the same length k (0 for k = 0).
 

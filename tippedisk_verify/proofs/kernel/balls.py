@@ -53,7 +53,7 @@ __all__ = [
     "working_precision",
 ]
 
-#: Held while python-flint's context is changed; the thread that holds it may take it again.
+# Held while python-flint's context is changed; the thread that holds it may take it again.
 _CONTEXT = threading.RLock()
 _MIN_BITS, _MAX_BITS = 24, 1_000_000
 

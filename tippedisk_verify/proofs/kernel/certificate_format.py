@@ -28,9 +28,8 @@ __all__ = [
     "MEASURED",
     "STABILITY_WORDS",
     "ClaimReader",
-    "Refused",
+    "NotACertificate",
     "as_float",
-    "content_of",
     "count",
     "decimal",
     "digest",
@@ -38,9 +37,10 @@ __all__ = [
     "dyadic_text",
     "one_of",
     "order",
-    "parsed",
     "precision",
     "radius",
+    "read_json",
+    "read_shape",
     "require_within_claim",
 ]
 
@@ -49,7 +49,7 @@ _MAX_FILE, _MAX_COUNT, _HIGHEST_ORDER = 2**26, 20_000, 1000
 _MIN_BITS = 24
 
 
-class Refused(Exception):
+class NotACertificate(Exception):
     """Raised if a file is not a certificate; the message names the fault and its place."""
 
 
@@ -139,10 +139,10 @@ def one_of(*choices: Any) -> Callable[[Any], Any]:
     return read
 
 
-def parsed(value: Any, shape: Any, path: str) -> Any:
+def read_shape(value: Any, shape: Any, path: str) -> Any:
     """Check that a JSON value has a given shape, and return it with its leaves read.
 
-    Raises Refused, with ``path`` and the fault's place below it, if its shape differs.
+    Raises NotACertificate, with ``path`` and the fault's place below it, if its shape differs.
 
     A shape is a dictionary of members (those with '?' are optional), a list [shape, length or
     None], or a function that reads a leaf.
@@ -151,19 +151,23 @@ def parsed(value: Any, shape: Any, path: str) -> Any:
         names = {name.removesuffix("?"): part for name, part in shape.items()}
         needed = {name for name in shape if not name.endswith("?")}
         if not isinstance(value, dict) or not needed <= value.keys() <= names.keys():
-            raise Refused(
+            raise NotACertificate(
                 f"{path}: an object with exactly the members {', '.join(shape)} is needed"
             )
-        return {name: parsed(part, names[name], f"{path} {name}") for name, part in value.items()}
+        return {
+            name: read_shape(part, names[name], f"{path} {name}") for name, part in value.items()
+        }
     if isinstance(shape, list):
         if not isinstance(value, list) or shape[1] not in (len(value), None):
             length = f" of {shape[1]}" if shape[1] else ""
-            raise Refused(f"{path}: a list{length} is needed")
-        return [parsed(part, shape[0], f"{path} {number}") for number, part in enumerate(value, 1)]
+            raise NotACertificate(f"{path}: a list{length} is needed")
+        return [
+            read_shape(part, shape[0], f"{path} {number}") for number, part in enumerate(value, 1)
+        ]
     try:
         return shape(value)
     except ValueError as fault:
-        raise Refused(f"{path}: {fault}") from None
+        raise NotACertificate(f"{path}: {fault}") from None
 
 
 class ClaimReader(dict[str, Any]):
@@ -194,30 +198,32 @@ MEASURED = {"value": decimal, "uncertainty": decimal}
 
 def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     if len({name for name, _ in pairs}) < len(pairs):
-        raise Refused("an object has two members of the same name")
+        raise NotACertificate("an object has two members of the same name")
     return dict(pairs)
 
 
 def _no_float(text: str) -> NoReturn:
-    raise Refused(f"a number is written as {text[:40]}: numbers that are not whole are texts here")
+    raise NotACertificate(
+        f"a number is written as {text[:40]}: numbers that are not whole are texts here"
+    )
 
 
-def content_of(path: str) -> Any:
-    """Return the content of a JSON file. Raises Refused if it cannot be read."""
+def read_json(path: str) -> Any:
+    """Return the content of a JSON file. Raises NotACertificate if it cannot be read."""
     try:
         if not os.path.isfile(path):
-            raise Refused("there is no such file, or it is not a regular one")
+            raise NotACertificate("there is no such file, or it is not a regular one")
         with open(path, "rb") as stream:
             raw = stream.read(_MAX_FILE + 1)
         if len(raw) > _MAX_FILE:
-            raise Refused(f"it is larger than {_MAX_FILE} bytes")
+            raise NotACertificate(f"it is larger than {_MAX_FILE} bytes")
         return json.loads(
             raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float
         )
     except OSError as fault:
-        raise Refused(f"it cannot be read: {fault.strerror}") from None
+        raise NotACertificate(f"it cannot be read: {fault.strerror}") from None
     except (ValueError, RecursionError):
-        raise Refused("it is not JSON") from None
+        raise NotACertificate("it is not JSON") from None
 
 
 def digest(content: dict[str, Any]) -> str:

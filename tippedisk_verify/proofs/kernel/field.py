@@ -14,8 +14,8 @@ quantities are
                   + Omega v t (2 (a - b) c + e rho (1 - 3 s^2))],
     f_G     = g rho s,       w_y = rho C,       gamma_y = C (rho v + e Omega C t),
 
-because e c = rho - r and 3 C^2 - 2 = 1 - 3 s^2. Derivatives are not written down: `series`
-differentiates the operations that these functions record on its graph.
+because e c = rho - r and 3 C^2 - 2 = 1 - 3 s^2. Derivatives are not written down:
+`taylor_recurrences` differentiates the operations that these functions record on its graph.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ An arc of the family of limit cycles
 One Krawczyk test proves exactly one cycle for each value of a parameter. Three numbers describe a
 cycle that S maps to itself: gamma_bar and v on the section, and Omega. The first one is the arc's
 parameter p = p_0 + R s, |s| <= 1. The other two, u, are unknown. Their two equations are F_p(u) = P
-- (gamma_bar, v) = 0 for the half map P (`section`). Let m(s) be polynomials near the family, r > 0
-two numbers, X(s) the box of all u with |u - m(s)| <= r, and Y(s) regular matrices. *For each s
+- (gamma_bar, v) = 0 for the half map P (`poincare_map`). Let m(s) be polynomials near the family, r
+> 0 two numbers, X(s) the box of all u with |u - m(s)| <= r, and Y(s) regular matrices. *For each s
 separately* the theorem of `krawczyk` holds: if
 
     - Y(s) F(m(s))  +  (1 - Y(s) F'(X(s))) [-r, r]  lies inside  (-r, r),
@@ -87,10 +87,10 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import as_float
 from tippedisk_verify.proofs.kernel.field import FieldConstants
-from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
-from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
+from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
+from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
@@ -103,10 +103,10 @@ __all__ = [
     "CurveReplay",
     "Matrix",
     "arc_test",
+    "beta_extremes",
     "fly",
     "inverse",
     "midpoint_inverse",
-    "turnings",
 ]
 
 UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
@@ -178,7 +178,7 @@ class CurveFlight:
     time_by: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball whose lowest number is a lower bound of beta_bar [rad]
-    turning: Sequence[Step]  #: the steps that hold all moments with v = 0
+    extreme_steps: Sequence[Step]  #: the steps that hold all moments with v = 0
 
 
 class CurveReplay:
@@ -198,7 +198,7 @@ class CurveReplay:
         share = as_float(self.log[self.number - 1]["share"])
         return Trial(path, ORDERS).tested((path.total * share).mid())
 
-    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Matrix:
+    def axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
         require("axes" in log, "the axes after it are missing")
         return [[arb(as_float(part)) for part in row] for row in log["axes"]]
@@ -248,7 +248,7 @@ class CurvePath(Path):
         """
 
 
-def turnings(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
+def beta_extremes(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
     """Yield beta_bar and its derivatives for each part of a step in which v may be 0, so that
     beta_bar may be largest or least.
 
@@ -277,12 +277,12 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
     """Enclose the half map, from section to section, for all starts on a curve and in the box about
     it.
 
-    ``choices`` is a `flow.StepProposer` whose steps are shares of the curve's ``total``. Raises Unproved,
-    with the number of the step that fails.
+    ``choices`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``total``.
+    Raises Unproved, with the number of the step that fails.
     """
     path = CurvePath(constants, curve, choices)
     require(negative(path.box[2].range()), "v is not shown to be negative at the start")
-    least, turning = 0 * curve.total.c[0], []
+    least, extreme_steps = 0 * curve.total.c[0], []
     try:
         while True:
             step = path.step()
@@ -296,16 +296,16 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
             )
             least = least.union(beta_bar)
             if not (negative(v) or positive(v)):
-                turning.append(step)
+                extreme_steps.append(step)
             if passed:
                 choices.step_taken(step, None)
-                return _landed(path, step, least, turning)
+                return _landed(path, step, least, extreme_steps)
             path.take(step)
     except Unproved as fault:
         raise Unproved(f"step {path.steps + 1}: {fault}") from None
 
 
-def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) -> CurveFlight:
+def _landed(path: CurvePath, step: Step, least: Any, extreme_steps: Sequence[Step]) -> CurveFlight:
     """Return the proved properties of a flight whose orbits return to the section in its last step.
 
     The return is enclosed within that step.
@@ -314,7 +314,7 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
         path: The flight up to the last step.
         step: The last step.
         least: A ball whose lowest number is a lower bound of beta_bar so far.
-        turning: The steps that hold all moments with v = 0.
+        extreme_steps: The steps that hold all moments with v = 0.
     """
     states, length = step.frame, step.length
     tau = (path.total - path.time).mid()
@@ -340,7 +340,7 @@ def _landed(path: CurvePath, step: Step, least: Any, turning: Sequence[Step]) ->
         time_by,
         path.divergence + step.divergence_at(moment),
         least,
-        turning,
+        extreme_steps,
     )
 
 
@@ -403,11 +403,11 @@ class Arc:
         """Return True if beta_max is shown to grow with the amplitude gamma_bar_0 all along the
         arc, except at the Hopf point.
         """
-        for beta_bar, row in chain.from_iterable(map(turnings, self.flight.turning)):
+        for beta_bar, row in chain.from_iterable(map(beta_extremes, self.flight.extreme_steps)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.amplitude_slope(beta_bar, slope).range()):
                 return False
-        return bool(self.flight.turning)
+        return bool(self.flight.extreme_steps)
 
 
 def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:

@@ -118,14 +118,14 @@ class Jet:
         return Jet.constant(other + 0 * self.c[0], self.degree) / self
 
     def sin(self) -> Jet:
-        """Return the sine of the function as a jet; see `_turned`."""
-        return self._turned(0)
+        """Return the sine of the function as a jet; see `_shifted_sine`."""
+        return self._shifted_sine(0)
 
     def cos(self) -> Jet:
-        """Return the cosine of the function as a jet; see `_turned`."""
-        return self._turned(1)
+        """Return the cosine of the function as a jet; see `_shifted_sine`."""
+        return self._shifted_sine(1)
 
-    def _turned(self, quarters: int) -> Jet:
+    def _shifted_sine(self, quarters: int) -> Jet:
         """Return sin(f + quarters pi/2), f being this jet, by Taylor's formula about c_0.
 
         Let u = f - c_0, where c_i is coefficient i.

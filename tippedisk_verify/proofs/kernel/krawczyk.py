@@ -27,8 +27,8 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, require
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic, order, radius
 from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Path, StepProposer
-from tippedisk_verify.proofs.kernel.section import PoincareSection, Return, return_map
+from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn, return_map
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
@@ -56,8 +56,8 @@ class FixedPoints:
     shift: Sequence[Any]  #: from the middle to the fixed points, three balls
     residual: Sequence[Any]  #: Y F(m), for choosing the precision
     slopes: Sequence[Sequence[Any]]  #: (2, 3): the derivatives of F over the box
-    centre: Return  #: the map at the middle
-    box: Return  #: the map over the box, with derivatives
+    centre: SectionReturn  #: the map at the middle
+    box: SectionReturn  #: the map over the box, with derivatives
 
     @property
     def image(self) -> list[Any]:
@@ -81,8 +81,8 @@ def krawczyk_test(
     unknown: tuple[int, int],
     proposers: tuple[StepProposer, StepProposer],
     inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
-    centre: Return | None = None,
-) -> FixedPoints | Return:
+    centre: SectionReturn | None = None,
+) -> FixedPoints | SectionReturn:
     """Test by Krawczyk's operator if a section's Poincare map has exactly one fixed point in a box.
 
     Args:
@@ -97,7 +97,7 @@ def krawczyk_test(
         centre: The map at the middle, if it has already been computed.
 
     Returns:
-        The test's result, or a `Return` of the first flight that did not return.
+        The test's result, or a `SectionReturn` of the first flight that did not return.
     """
     numbers, friction = constants(claim["parameters"]), claim["friction"]
     if centre is None:
@@ -128,8 +128,8 @@ def fixed_points(
     deviations: Sequence[Any],
     unknown: tuple[int, int],
     inverse: Sequence[Sequence[Any]],
-    centre: Return,
-    box: Return,
+    centre: SectionReturn,
+    box: SectionReturn,
 ) -> FixedPoints:
     """Apply Krawczyk's operator to a section's map that has been enclosed already, and return the
     result of the test.
@@ -164,7 +164,7 @@ def fixed_points(
     return FixedPoints(included, middle, shift, residual, slopes, centre, box)
 
 
-def _slopes(box: Return) -> tuple[Sequence[Any], Sequence[Any]]:
+def _slopes(box: SectionReturn) -> tuple[Sequence[Any], Sequence[Any]]:
     (a, b), (c, d) = box.matrix
     return (a - 1, b, box.by_omega[0]), (c, d - 1, box.by_omega[1])
 
@@ -173,7 +173,7 @@ def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]
     return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
 
 
-def _tested(value: Any) -> tuple[float, tuple[int, int]]:
+def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
     """Return a step's length [s] and its two orders, read from a certificate."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError("a length and two orders are needed")
@@ -184,7 +184,7 @@ def _tested(value: Any) -> tuple[float, tuple[int, int]]:
     return length, (order(value[1]), order(value[2]))
 
 
-FLIGHT = [{"steps": [_tested, None], "axes": [[dyadic, 3], 3]}, None]
+FLIGHT = [{"steps": [_read_step, None], "axes": [[dyadic, 3], 3]}, None]
 BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
 
 
@@ -198,7 +198,7 @@ class StepReplay:
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
         self.log, self.name = log, name
         self.number = 0
-        self._open = False  #: True while the latest proposed step has not been taken
+        self._open = False  # True while the latest proposed step has not been taken
         self._parts: Iterator[Any] = iter(())
 
     def step(self, path: Path, longest: float | None) -> Step | None:
@@ -229,7 +229,7 @@ class StepReplay:
     def beyond(self) -> Any:
         return SimpleNamespace(step=lambda path, longest: self.next_part(path))
 
-    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Any:
+    def axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]
 
     def step_taken(self, step: Step, axes: Any) -> None:
@@ -248,7 +248,7 @@ def replayed_test(
     log: Sequence[Mapping[str, Any]],
     box: Mapping[str, Any],
     name: str,
-    centre: Return | None = None,
+    centre: SectionReturn | None = None,
 ) -> FixedPoints:
     """Apply `krawczyk_test` with the choices that a certificate records, and return the passed
     test.
@@ -267,7 +267,7 @@ def replayed_test(
         lambda matrix: box["inverse"],
         centre,
     )
-    if isinstance(outcome, Return):
+    if isinstance(outcome, SectionReturn):
         raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
     for flight in flights if centre is None else flights[1:]:
         require(flight.number == len(flight.log), f"{flight.name}: it has unused steps")

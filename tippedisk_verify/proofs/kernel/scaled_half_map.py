@@ -7,10 +7,11 @@ In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write
 with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
 At q = 0 they are those of the linearisation.
 
-The equations are those of `field`: a `_Part` stands for a number a x (odd) or x (even). The sine of
-an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A product of
-two odd numbers is even, with a factor q. A sum of an odd and an even number is refused, and so is a
-quotient by an odd one. So the rates are seen to be odd, and no division by a takes place.
+The equations are those of `field`: a `_ScaledNumber` stands for a number a x (odd) or x (even). The
+sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A
+product of two odd numbers is even, with a factor q. A sum of an odd and an even number is refused,
+and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a takes
+place.
 
 The equations of the family
 ---------------------------
@@ -51,15 +52,15 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
 from tippedisk_verify.proofs.kernel.field import FieldConstants, field
-from tippedisk_verify.proofs.kernel.flow import Model
 from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve, Matrix
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.series import Node
+from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.taylor_recurrences import Node
 
 __all__ = ["ScaledCurve", "ScaledModel"]
 
 
-class _Part:
+class _ScaledNumber:
     """A number in the equations of motion scaled by the amplitude a: it stands for a x if ``odd``,
     else for x.
 
@@ -71,26 +72,26 @@ class _Part:
     def __init__(self, x: Any, square: Any, *, odd: bool = False) -> None:
         self.x, self.square, self.odd = x, square, odd
 
-    def _other(self, other: Any) -> _Part:
-        return other if isinstance(other, _Part) else _Part(other, self.square)
+    def _other(self, other: Any) -> _ScaledNumber:
+        return other if isinstance(other, _ScaledNumber) else _ScaledNumber(other, self.square)
 
-    def __add__(self, other: Any) -> _Part:
+    def __add__(self, other: Any) -> _ScaledNumber:
         other = self._other(other)
         if other.odd is not self.odd:
             raise ArithmeticError("an odd and an even quantity were added: the field is not odd")
-        return _Part(self.x + other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x + other.x, self.square, odd=self.odd)
 
-    def __sub__(self, other: Any) -> _Part:
+    def __sub__(self, other: Any) -> _ScaledNumber:
         return self + -self._other(other)
 
-    def __neg__(self) -> _Part:
-        return _Part(-self.x, self.square, odd=self.odd)
+    def __neg__(self) -> _ScaledNumber:
+        return _ScaledNumber(-self.x, self.square, odd=self.odd)
 
-    def __mul__(self, other: Any) -> _Part:
+    def __mul__(self, other: Any) -> _ScaledNumber:
         other = self._other(other)
         product = self.x * other.x
         both_odd = self.odd and other.odd
-        return _Part(
+        return _ScaledNumber(
             product * self.square if both_odd else product,
             self.square,
             odd=self.odd is not other.odd,
@@ -98,30 +99,30 @@ class _Part:
 
     __rmul__ = __mul__
 
-    def __truediv__(self, other: Any) -> _Part:
+    def __truediv__(self, other: Any) -> _ScaledNumber:
         other = self._other(other)
         if other.odd:
             raise ArithmeticError(
                 "a quotient by an odd quantity is not analytic in the square of the amplitude"
             )
-        return _Part(self.x / other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x / other.x, self.square, odd=self.odd)
 
 
 class _ScaledOps:
-    """The sine and cosine of a `_Part` that stands for an odd angle, in the form that `field`
-    needs.
+    """The sine and cosine of a `_ScaledNumber` that stands for an odd angle, in the form that
+    `field` needs.
     """
 
     @staticmethod
-    def sin(angle: _Part) -> _Part:
-        return _Part(_sine_and_cosine(angle)[0], angle.square, odd=True)
+    def sin(angle: _ScaledNumber) -> _ScaledNumber:
+        return _ScaledNumber(_sine_and_cosine(angle)[0], angle.square, odd=True)
 
     @staticmethod
-    def cos(angle: _Part) -> _Part:
-        return _Part(_sine_and_cosine(angle)[1], angle.square)
+    def cos(angle: _ScaledNumber) -> _ScaledNumber:
+        return _ScaledNumber(_sine_and_cosine(angle)[1], angle.square)
 
 
-def _sine_and_cosine(angle: _Part) -> tuple[Any, Any]:
+def _sine_and_cosine(angle: _ScaledNumber) -> tuple[Any, Any]:
     if not angle.odd:
         raise ArithmeticError("an angle must be an odd quantity")
     if isinstance(angle.x, Node):
@@ -156,11 +157,11 @@ def scaled_field(
     Raises:
         ArithmeticError: If a rate is not odd.
     """
-    even = FieldConstants(*(_Part(value, square) for value in constants))
+    even = FieldConstants(*(_ScaledNumber(value, square) for value in constants))
 
     def rates(*state: Any) -> tuple[Any, Any, Any]:
-        odd = (_Part(part, square, odd=True) for part in state)
-        b, g, w = field(_ScaledOps, even, _Part(omega, square))(*odd)
+        odd = (_ScaledNumber(part, square, odd=True) for part in state)
+        b, g, w = field(_ScaledOps, even, _ScaledNumber(omega, square))(*odd)
         if not (b.odd and g.odd and w.odd):
             raise ArithmeticError("a rate is not odd")
         return b.x, g.x, w.x

@@ -13,8 +13,8 @@ it is the law of side 1 for the constants s traction and s epsilon.
 
 Steps
 -----
-An orbit is followed with its own side's law, by the steps of `flow`. Their time is cut into pieces,
-on which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
+An orbit is followed with its own side's law, by the steps of `proved_flow`. Their time is cut into
+pieces, on which Taylor's formula encloses s gamma_y and its rate. One of these cases is shown:
 
 - *kept*: on each piece s gamma_y > 0, or grows, or falls to a positive end, on the same piece or a
   later one.
@@ -61,9 +61,9 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, Path, StepProposer
-from tippedisk_verify.proofs.kernel.series import Graph, System
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, StepProposer
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
+from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
 
 __all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
 

@@ -3,10 +3,10 @@
 The test
 --------
 Let X be a box of states (a vector of balls) with the midpoint m, and Omega a ball of speeds.
-Recurrences (`series`) give the Taylor coefficients p_0 … p_N of the orbit from m. They also give
-those of the orbits from X, with their derivatives with respect to state and Omega, to order K. Over
-[0, h] the latter polynomials have a range; padded, it is a box E. With c the coefficients of order
-K + 1 over E, the step is accepted if
+Recurrences (`taylor_recurrences`) give the Taylor coefficients p_0 … p_N of the orbit from m. They
+also give those of the orbits from X, with their derivatives with respect to state and Omega, to
+order K. Over [0, h] the latter polynomials have a range; padded, it is a box E. With c the
+coefficients of order K + 1 over E, the step is accepted if
 
     polynomial(t) + t^(K+1) c  lies in the interior of E  for all t in [0, h].
 
@@ -58,7 +58,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.series import System
+from tippedisk_verify.proofs.kernel.taylor_recurrences import System
 
 __all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
 

@@ -21,7 +21,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     Piece,
     box_test,
-    signs,
+    first_unproved_sign,
     upper_bound,
 )
 from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
@@ -38,14 +38,14 @@ from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
-from tippedisk_verify.proofs.search.proof import Stopped, parameter_texts
+from tippedisk_verify.proofs.search.proof import SearchStopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 __all__ = [
     "BITS",
     "CurveStepSearch",
     "Guess",
-    "boxed",
+    "adapt_boxes",
     "family_polynomials",
     "family_rows",
     "piece_entry",
@@ -59,15 +59,15 @@ _DECIMALS = 16  # decimals of the polynomials' coefficients
 _BOX_SHARES = Fraction(1, 300), Fraction(1, 100)
 _MIN_RADIUS = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MAX_ATTEMPTS = 3
-#: Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
-#: (for a scaled piece, times the distance of a^2 from 1).
+# Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
+# (for a scaled piece, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
 Guess = tuple[Fraction, Fraction, Fraction]
 Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and choices
-_TOLERANCE, _ROUGH_TOLERANCE = -56, -30  #: log2 of the last terms: of states, and of derivatives
-_FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  #: of the time of flight, for a step
+_TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
+_FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
 _MAX_STEPS, _MAX_TRIALS = 2000, 15
 _NEWTON_STEPS = 8
 _DIFFERENCE_SHARE = 2.0**-20  # of a number's step, for a derivative of points
@@ -124,13 +124,13 @@ class CurveStepSearch:
     def step_taken(self, step: Step, axes: Matrix | None) -> None:
         """Do nothing: `step` has recorded the step."""
 
-    def axes(self, turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+    def axes(self, moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
         """Return new axes for the box of a set of states, by `axes_of_balls`, rounded to four
         digits.
 
         They are recorded in the log.
         """
-        axes = axes_of_balls(turned, sizes, stiffness)
+        axes = axes_of_balls(moved_axes, sizes, stiffness)
         texts = [[f"{float(entry):.4g}".replace("e+", "e") for entry in row] for row in axes]
         self.log[-1]["axes"] = texts
         return [[arb(float(text)) for text in row] for row in texts]
@@ -250,7 +250,7 @@ def family_rows(
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.c):
-        raise Stopped(ArcStatus.NOT_FOLLOWED)
+        raise SearchStopped(ArcStatus.NOT_FOLLOWED)
     return [
         tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.c)
         for jet in jets
@@ -289,7 +289,7 @@ class BoxedTest(NamedTuple):
     evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
 
 
-def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
+def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
     """Repeat Krawczyk's test of an arc with adapted boxes until it passes, and return the passed
     test.
 
@@ -307,9 +307,9 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         try:
             arc = test(sizes, choices)
         except Unproved:
-            raise Stopped(ArcStatus.NOT_FOLLOWED) from None
+            raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
         if not all(off.is_finite() for off in arc.within):
-            raise Stopped(ArcStatus.NOT_FOLLOWED)
+            raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
             two_digits(max(upper_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
             for off in arc.within
@@ -317,7 +317,7 @@ def boxed(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return BoxedTest(arc, sizes, within, _box_evidence(sizes, choices))
         radii = [2 * part for part in within]
-    raise Stopped(ArcStatus.NOT_INCLUDED)
+    raise SearchStopped(ArcStatus.NOT_INCLUDED)
 
 
 def _box_evidence(radii: Sequence[Fraction], choices: CurveStepSearch) -> dict[str, Any]:
@@ -353,8 +353,8 @@ def prove_piece(
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
             for _ in range(_MAX_ATTEMPTS):
-                box = boxed(test, radii)
-                if (refusal := signs(box.arc)) is None:
+                box = adapt_boxes(test, radii)
+                if (refusal := first_unproved_sign(box.arc)) is None:
                     break
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 radii = [part * 5 / 4 for part in box.within]
@@ -362,7 +362,7 @@ def prove_piece(
                     2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)
                 ):
                     break
-        except Stopped as fault:
+        except SearchStopped as fault:
             return cast("ArcStatus", fault.status)
         if refusal is not None:
             return refusal

@@ -22,15 +22,15 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, joined
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.connection_cycles import (
+from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     prove_connection_cycles,
 )
+from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.family import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
 
 __all__ = [
     "HOPF_END",
@@ -145,17 +145,20 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     return end
 
 
-def _end_for(near: ConnectionCyclesProof | None, known: Sequence[KnownCycle]) -> Fraction | None:
+def _end_for(
+    near: ConnectionCyclesProof | None, known_cycles: Sequence[KnownCycle]
+) -> Fraction | None:
     """Return an amplitude at which the family's pieces run into the proved cycles next to the
     connection.
 
-    Returns None if those cycles are not proved. ``known`` are approximate cycles of the family.
+    Returns None if those cycles are not proved. ``known_cycles`` are approximate cycles of the
+    family.
     """
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
     low = near.connection.omega_h.value
-    inside = [cycle for cycle in known if cycle[2] - low < _OVERLAP * (near.high - low)]
-    return round(min(inside, default=known[-1])[0], 4)
+    inside = [cycle for cycle in known_cycles if cycle[2] - low < _OVERLAP * (near.high - low)]
+    return round(min(inside, default=known_cycles[-1])[0], 4)
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
@@ -211,7 +214,7 @@ def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
         if not curve:
             if piece.scaled:
                 curve.append(piece)
-        elif piece.low == curve[-1].high and joined(curve[-1], piece, piece.low):
+        elif piece.low == curve[-1].high and are_joined(curve[-1], piece, piece.low):
             curve.append(piece)
     return curve
 
@@ -229,11 +232,11 @@ def hopf_guess(parameters: Parameters) -> Guess:
         return first, second, third
 
 
-def guess_at(known: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
+def guess_at(known_cycles: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
     """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
     proof depends on it.
     """
-    nearest = sorted(known, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST_CYCLES]
+    nearest = sorted(known_cycles, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST_CYCLES]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
     first, second, third = map(
@@ -245,7 +248,7 @@ def guess_at(known: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
 def prove_intervals(
     parameters: Parameters,
     intervals: Sequence[Interval],
-    known: Sequence[KnownCycle],
+    known_cycles: Sequence[KnownCycle],
     executor: Executor | None = None,
     watch: Watch = lambda found, interval: None,
 ) -> ArcStatus | None:
@@ -253,11 +256,11 @@ def prove_intervals(
 
     Returns None if all are proved, otherwise the reason why the lowest failed one was given up.
 
-    ``known`` are approximate cycles, from which guesses are made. ``watch`` is called with each
-    interval that is proved or given up, and the piece or the reason.
+    ``known_cycles`` are approximate cycles, from which guesses are made. ``watch`` is called with
+    each interval that is proved or given up, and the piece or the reason.
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
-    jobs = _Jobs(parameters, known, executor, intervals)
+    jobs = _Jobs(parameters, known_cycles, executor, intervals)
     for found, interval in jobs:
         if isinstance(found, ArcStatus):
             if found not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
@@ -279,11 +282,11 @@ class _Jobs:
     def __init__(
         self,
         parameters: Parameters,
-        known: Sequence[KnownCycle],
+        known_cycles: Sequence[KnownCycle],
         executor: Executor | None,
         intervals: Iterable[Interval],
     ) -> None:
-        self.parameters, self.known, self.executor = parameters, known, executor
+        self.parameters, self.known, self.executor = parameters, known_cycles, executor
         self.waiting: list[Interval] = []
         self.running: dict[Future[Piece | ArcStatus], Interval] = {}
         self.add(intervals)

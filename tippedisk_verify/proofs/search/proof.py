@@ -19,12 +19,12 @@ from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_tex
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
-__all__ = ["ChoiceSearch", "Proof", "Stopped", "certificate_claim", "parameter_texts"]
+__all__ = ["ChoiceSearch", "Proof", "SearchStopped", "certificate_claim", "parameter_texts"]
 
-_PRINTED = {"reversals": "sliding_reversals"}  #: names that differ from those in the claim
+_PRINTED = {"reversals": "sliding_reversals"}  # names that differ from those in the claim
 
 
-class Stopped(Unproved):
+class SearchStopped(Unproved):
     """Raised if a search gives up; ``status`` is the reason, and the message may give details."""
 
     def __init__(self, status: Enum, detail: str = "") -> None:
@@ -46,7 +46,7 @@ class Proof:
     claim: Any
     evidence: Any
 
-    #: Entries of the claim that are printed besides the numbers
+    # Entries of the claim that are printed besides the numbers
     _printed: ClassVar[tuple[str, ...]] = ()
 
     @property

@@ -17,10 +17,10 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
-from tippedisk_verify.proofs.kernel.flow import Path, short_float
 from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.section import PoincareSection, Return
+from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn
+from tippedisk_verify.proofs.kernel.proved_flow import Path, short_float
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
@@ -29,8 +29,8 @@ __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
 Matrix = Sequence[Sequence[Any]]
 
 _MIN_ORDER = 16  # of derivatives that only multiply radii
-#: Over a wide box, the order of the series and the decay along v in a step. Balls add up
-#: alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
+# Over a wide box, the order of the series and the decay along v in a step. Balls add up
+# alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
 _WIDE_ORDER, _DAMPED = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _MIN_STEP = 2.0**-40  # s
@@ -108,14 +108,14 @@ class FlightStepSearch:
             share = min(0.97 * better, 0.9 * length / reach)
         return None
 
-    def axes(self, turned: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
+    def axes(self, moved_axes: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
         """Return new axes for the box of a set of states, by `axes_of_balls`.
 
         They are rounded to a few bits, which keeps the log short.
         """
         return [
             [_rounded_centre(entry) for entry in row]
-            for row in axes_of_balls(turned, sizes, stiffness)
+            for row in axes_of_balls(moved_axes, sizes, stiffness)
         ]
 
     def step_taken(self, step: Step, axes: Matrix) -> None:
@@ -214,8 +214,8 @@ def searched_test(
     middle: Sequence[Any],
     sizes: Sequence[Any],
     moved: Any,
-    centre: tuple[FlightStepSearch, Return] | None = None,
-) -> tuple[FixedPoints | Return, dict[str, Any]]:
+    centre: tuple[FlightStepSearch, SectionReturn] | None = None,
+) -> tuple[FixedPoints | SectionReturn, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
     evidence.
 
@@ -245,20 +245,21 @@ def searched_test(
     return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
 
 
-def axes_of_balls(turned: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+def axes_of_balls(moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
     """Return new axes for the box of a set of states: three columns of exact numbers.
 
     They are nearly orthogonal once velocities are divided by the stiffness. Gram-Schmidt's method
     makes them from the columns of a matrix, in falling order of length times size.
 
     Args:
-        turned: A (3, 3) matrix of balls, whose columns are the old axes as the flow has moved them.
+        moved_axes: A (3, 3) matrix of balls, whose columns are the old axes as the flow has moved
+            them.
         sizes: The sizes of the set along the old axes.
         stiffness: The factor [1/s] by which velocities are divided.
     """
     weights = (1.0, 1.0, 1 / stiffness)
     columns = [
-        [float(row[k].mid()) * weight for row, weight in zip(turned, weights, strict=True)]
+        [float(row[k].mid()) * weight for row, weight in zip(moved_axes, weights, strict=True)]
         for k in range(3)
     ]
     order = sorted(range(3), key=lambda k: -math.hypot(*columns[k]) * sizes[k])

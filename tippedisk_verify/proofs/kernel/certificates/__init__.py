@@ -14,12 +14,12 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     DISK,
     LAWS,
     ClaimReader,
-    Refused,
-    content_of,
+    NotACertificate,
     digest,
     one_of,
-    parsed,
     precision,
+    read_json,
+    read_shape,
 )
 from tippedisk_verify.proofs.kernel.certificates import (
     connection,
@@ -33,12 +33,12 @@ from tippedisk_verify.proofs.kernel.field import UNITS
 __all__ = [
     "CERTIFICATE_FORMAT",
     "KINDS",
-    "Refused",
+    "NotACertificate",
     "Unproved",
     "check",
     "digest",
-    "proved",
     "sentence",
+    "verify_content",
 ]
 
 CERTIFICATE_FORMAT = "tippedisk certificate 3"
@@ -55,25 +55,29 @@ KINDS: dict[str, Any] = {
 def check(path: str, mapped: family.Mapped = map) -> str:
     """Verify the certificate in the file at ``path`` and return its claim as a sentence.
 
-    Raises Refused if the file is not a certificate, and Unproved if its evidence does not prove
-    the claim. ``mapped`` verifies the arcs of a family, as in `proved`.
+    Raises NotACertificate if the file is not a certificate, and Unproved if its evidence does not
+    prove the claim. ``mapped`` verifies the arcs of a family, as in `verify_content`.
     """
-    return proved(content_of(path), mapped)
+    return verify_content(read_json(path), mapped)
 
 
-def proved(content: Any, mapped: family.Mapped = map) -> str:
+def verify_content(content: Any, mapped: family.Mapped = map) -> str:
     """Verify the content of a certificate and return its claim as a sentence.
 
-    Raises Refused if the content is not a certificate, and Unproved if its evidence does not prove
-    the claim. ``mapped`` may be the map of a pool of processes: a family's arcs take most of the
-    time, and each is verified separately.
+    Raises NotACertificate if the content is not a certificate, and Unproved if its evidence does
+    not prove the claim. ``mapped`` may be the map of a pool of processes: a family's arcs take most
+    of the time, and each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
-        raise Refused(f"it is not an object with the format '{CERTIFICATE_FORMAT}' and a claim")
+        raise NotACertificate(
+            f"it is not an object with the format '{CERTIFICATE_FORMAT}' and a claim"
+        )
     if content.get("format") != CERTIFICATE_FORMAT:
-        raise Refused(f"its format is not '{CERTIFICATE_FORMAT}': write it again with this version")
-    kind = parsed(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
-    bits = parsed(content.get("bits"), precision, "bits")
+        raise NotACertificate(
+            f"its format is not '{CERTIFICATE_FORMAT}': write it again with this version"
+        )
+    kind = read_shape(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
+    bits = read_shape(content.get("bits"), precision, "bits")
     claim, evidence = KINDS[kind].SHAPES[kind]
     with working_precision(bits):
         shape = {
@@ -83,7 +87,7 @@ def proved(content: Any, mapped: family.Mapped = map) -> str:
             "evidence": evidence,
             "sha256": str,
         }
-        file = parsed(content, shape, "the file")
+        file = read_shape(content, shape, "the file")
         require(
             content["sha256"] == digest(content), "the content does not have its digest, sha256"
         )

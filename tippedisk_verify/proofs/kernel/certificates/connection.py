@@ -2,11 +2,11 @@
 copy.
 
 Theorems 6 and 7 of docs/certified_connection.md show that the following suffices. Both friction
-laws are allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable branch
-of the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega). Some
-steps later it is at p(Omega), near the second saddle. Let I be the interval of speeds. P is the
-matrix whose columns e_u, e_s, e_f span the coordinates z = (z_u, z_s, z_f) of `saddle`. w_u is z_u
-measured from the curve of the slow stable manifold.
+laws are allowed. In shifted angles the saddles are (0, -pi, 0) and (0, pi, 0). The unstable
+manifold of the first one that leaves with growing gamma passes z_u = theta_0 at a point p_0(Omega).
+Some steps later it is at p(Omega), near the second saddle. Let I be the interval of speeds. P is
+the matrix whose columns e_u, e_s, e_f span the coordinates z = (z_u, z_s, z_f) of `saddle`. w_u is
+z_u measured from the curve of the slow stable manifold.
 
 1. *Start.* A cone at the first saddle encloses p_0 on all of I. Cones with the speed as a fourth
    coordinate enclose the difference of two of its points:
@@ -15,7 +15,8 @@ measured from the curve of the slow stable manifold.
 
 2. *Flight.* The derivatives of the flow give p(Omega') - p(Omega) = P G (Omega' - Omega) with an
    enclosed vector G. The set of states also gives p at both ends of I separately.
-3. *Arrival.* p(I) lies in an isolating block N of the second saddle (`saddle.block`). At one end of
+3. *Arrival.* p(I) lies in an isolating block N of the second saddle
+(`saddle.show_isolating_block`). At one end of
    I w_u < -delta, at the other end w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle. On this box the
    inequalities of the cones are shown (`saddle.cones`).
@@ -45,10 +46,10 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     ManifoldGraph,
     SaddleCoordinates,
     abs_upper,
-    block,
     cones,
-    leaving,
     require_positive,
+    show_departure,
+    show_isolating_block,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
 from tippedisk_verify.proofs.kernel.step import Step
@@ -150,7 +151,7 @@ def verify_connection(
             break
     G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
     extents = choose("block", z, arriving)
-    delta, box, matrix = block(arriving, extents)
+    delta, box, matrix = show_isolating_block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
     require_positive(
         "6.3: arrivals lie in the block",
@@ -174,7 +175,16 @@ def verify_connection(
     unique = one_speed_stays(saddle, room, G, choose)
     upright = upright and _keeps_standing(ball(room[0]))
     return EnclosedConnection(
-        disk, friction, low, high, room, unique, upright, _slowly(matrix, z), not rising, pieces
+        disk,
+        friction,
+        low,
+        high,
+        room,
+        unique,
+        upright,
+        _converges_slowly(matrix, z),
+        not rising,
+        pieces,
     )
 
 
@@ -191,7 +201,7 @@ def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> Mani
 def _departure(
     saddle: SaddleCoordinates, choose: Callable[..., Any]
 ) -> tuple[list[Any], list[Any], bool, list[Any]]:
-    """Enclose the unstable branch of the first saddle up to z_u = theta_0, at all speeds.
+    """Enclose the unstable manifold of the first saddle up to z_u = theta_0, at all speeds.
 
     ``choose`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
     cone is not shown.
@@ -204,7 +214,7 @@ def _departure(
     curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
     cone = choose("cone", curve, theta, defect)
-    start, whole, matrix = leaving(curve, theta, cone, defect)
+    start, whole, matrix = show_departure(curve, theta, cone, defect)
     by_speed = saddle.field(whole, curve.side)[2]
     _, k_s, k_f = weights = choose("drift", matrix, by_speed)
     require_positive(
@@ -278,8 +288,8 @@ def one_speed_stays(
     G: Sequence[Any],
     choose: Callable[..., Any],
 ) -> bool:
-    """Return True if it is shown that the unstable branch stays in a box about the second saddle at
-    one speed at most.
+    """Return True if it is shown that the unstable manifold stays in a box about the second saddle
+    at one speed at most.
 
     Args:
         saddle: The coordinates z, with the ball of speeds.
@@ -301,7 +311,7 @@ def one_speed_stays(
     return _all_positive(*weights, *inside, *cones(matrix, weights, by_speed))
 
 
-def _slowly(matrix: Any, z: Sequence[Any]) -> bool:
+def _converges_slowly(matrix: Any, z: Sequence[Any]) -> bool:
     """Return True if an orbit from the box z is shown to converge along the slow direction (7.3).
 
     The orbit stays in the isolating block N of the second saddle, and ``matrix`` encloses the

@@ -267,7 +267,7 @@ def verify_cycles(
     n.weighted(choose("weights", n))
     entry = choose("entry", n)
     loop_map = LoopMap(n, entry)
-    _connected(n, connection)
+    _require_connection_in_box(n, connection)
     kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
     return CyclesNextToConnection(low, high, connection.high, c, d, kappa, loop_map.time)
@@ -485,7 +485,7 @@ def _flights(
     )
 
 
-def _connected(n: Passage, connection: EnclosedConnection) -> None:
+def _require_connection_in_box(n: Passage, connection: EnclosedConnection) -> None:
     """Raise Unproved unless the heteroclinic connection is shown to stay in the box N about the
     saddle from z_s = -s on, with gamma growing all along it.
 

@@ -36,11 +36,11 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.section import (
+from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     PoincareSection,
-    Return,
+    SectionReturn,
 )
 
 __all__ = [
@@ -102,7 +102,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         section: The section of the cycle.
         fixed: The enclosed fixed point, with the map's derivatives.
     """
-    centre, box, laps = fixed.centre, fixed.box, section.laps
+    centre, box, flights = fixed.centre, fixed.box, section.flights_per_period
     (a, b), (c, d) = box.matrix
     trace, shrinking = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
@@ -111,7 +111,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
     sign: Any = 1
     if section != LIBRATING_SECTION and not positive(trace):
         sign = -1 if negative(trace) else arb.nan()
-    slow, determinant = laps * larger.log(), (1 - a) * (1 - d) - b * c
+    slow, determinant = flights * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
         ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
         ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
@@ -120,18 +120,18 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
     time_by = (*box.time_by_state, box.time_by_omega)
     first, second = UNKNOWNS[section]
     numbers = {
-        "period": laps * fixed.along(centre.time, time_by),
+        "period": flights * fixed.along(centre.time, time_by),
         first: fixed.image[0],
         second: fixed.image[1],
-        "multiplier_slow": sign * larger**laps,
+        "multiplier_slow": sign * larger**flights,
         "log_multiplier_slow": slow,
-        "log_multiplier_fast": laps * box.divergence - slow,
-        "dperiod_domega": laps * sum(x * y for x, y in zip(time_by, by_omega, strict=True)),
+        "log_multiplier_fast": flights * box.divergence - slow,
+        "dperiod_domega": flights * sum(x * y for x, y in zip(time_by, by_omega, strict=True)),
         f"d{first}_domega": by_omega[0],
         f"d{second}_domega": by_omega[1],
     }
     return numbers | (
-        {"beta_max": -fixed.along(centre.beta_least, box.turn_by_start)}
+        {"beta_max": -fixed.along(centre.beta_least, box.beta_least_by_start)}
         if section == LIBRATING_SECTION
         else {}
     )
@@ -166,7 +166,7 @@ def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
     """Return the number of sign changes of the sliding velocity in a period of a limit cycle
     (smooth law only).
     """
-    return int(section.laps * fixed.box.reversals)
+    return int(section.flights_per_period * fixed.box.reversals)
 
 
 SHAPES = {
@@ -202,7 +202,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])
 
-    def test(name: str, centre: Return | None = None) -> FixedPoints:
+    def test(name: str, centre: SectionReturn | None = None) -> FixedPoints:
         box, log = evidence[name], evidence["centre"]
         return replayed_test(
             claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre

@@ -9,7 +9,7 @@ distance of other cycles. The numbers of a `Piece` are exact, because balls are 
 **One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at
 the end of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle,
 where they meet, lies in the other arc's box of uniqueness. The comparison is one of rational
-numbers (`joined`). So a quantity that falls or grows strictly on each arc does so on the whole
+numbers (`are_joined`). So a quantity that falls or grows strictly on each arc does so on the whole
 curve. The theorem's proof also joins the last arc to the cycles next to the connection.
 
 **The Hopf point.** At gamma_bar_0 = 0 the pair of imaginary eigenvalues has the half period t with
@@ -39,8 +39,8 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     MEASURED,
     decimal,
     one_of,
-    parsed,
     precision,
+    read_shape,
     require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
@@ -57,13 +57,13 @@ __all__ = [
     "Job",
     "Mapped",
     "Piece",
+    "are_joined",
     "box_test",
     "curve_fault",
     "enclosed_omega_crit",
-    "joined",
+    "first_unproved_sign",
     "last_cycle",
     "sentence",
-    "signs",
     "unique_within",
     "upper_bound",
     "verify",
@@ -209,7 +209,7 @@ def box_test(
     return arc_test(constants(disk), curve, choices)
 
 
-def signs(arc: Arc) -> ArcStatus | None:
+def first_unproved_sign(arc: Arc) -> ArcStatus | None:
     """Return the status that names the first property of an arc of limit cycles that is not shown.
     Return None if all are shown.
 
@@ -231,11 +231,11 @@ def verify_piece(job: Job) -> Piece:
     proves.
 
     ``job`` holds the disk, the amplitude at which the arc begins, the arc's number and its
-    evidence. Raises Unproved with the test that fails, and Refused if the evidence has a wrong
-    shape.
+    evidence. Raises Unproved with the test that fails, and NotACertificate if the evidence has a
+    wrong shape.
     """
     disk, low, number, content = job
-    arc = parsed(content, ARC, f"arc {number}")
+    arc = read_shape(content, ARC, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
     tests: list[Arc] = []
     with working_precision(arc["bits"]):
@@ -244,7 +244,7 @@ def verify_piece(job: Job) -> Piece:
             try:
                 tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
                 require(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
-                refusal = None if len(tests) > 1 else signs(tests[0])
+                refusal = None if len(tests) > 1 else first_unproved_sign(tests[0])
                 require(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
@@ -269,7 +269,7 @@ def verify_piece(job: Job) -> Piece:
 Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
 
 
-def joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
+def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """Return True if two pieces of the family provably have the same limit cycle at an amplitude
     [rad].
 
@@ -314,7 +314,7 @@ def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
     if not (pieces[0].scaled and bool(abs(off) <= ball(pieces[0].within[1]))):
         return "arc 1: it is not shown to begin at the Hopf point"
     for number, (first, second) in enumerate(pairwise(pieces), 2):
-        if first.high != second.low or not joined(first, second, second.low):
+        if first.high != second.low or not are_joined(first, second, second.low):
             return f"arcs {number - 1} and {number} are not shown to be one curve"
     return ""
 

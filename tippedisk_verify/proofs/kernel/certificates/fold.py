@@ -21,7 +21,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
 from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
-from tippedisk_verify.proofs.kernel.section import (
+from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     PoincareSection,
@@ -32,9 +32,9 @@ __all__ = [
     "POINTS",
     "SHAPES",
     "arc_balls",
+    "claimed_names",
     "extremum",
-    "judge",
-    "names",
+    "require_extremum",
     "sentence",
     "slope",
     "verify",
@@ -48,7 +48,7 @@ POINTS = ("arc", "lower end", "upper end")  #: the three tests: over the whole a
 EXTREMA = ("smallest", "largest")
 
 
-def names(section: PoincareSection) -> tuple[str, ...]:
+def claimed_names(section: PoincareSection) -> tuple[str, ...]:
     return "omega", *UNKNOWNS[section], "period"
 
 
@@ -81,7 +81,7 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
     return "largest" if positive(lower) and negative(upper) else None
 
 
-def judge(
+def require_extremum(
     claim: Mapping[str, Any],
     section: PoincareSection,
     points: Sequence[FixedPoints],
@@ -119,7 +119,7 @@ def judge(
         # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
         require(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
-    require_within_claim(numbers["period"], section.laps * whole.box.time, "period")
+    require_within_claim(numbers["period"], section.flights_per_period * whole.box.time, "period")
 
 
 _POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
@@ -127,7 +127,7 @@ SHAPES = {
     kind: (
         {
             "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
-            "numbers": dict.fromkeys(names(section), MEASURED),
+            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
             "extremum": one_of(*EXTREMA),
         },
         dict.fromkeys(POINTS, _POINT),
@@ -156,7 +156,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
         log, box = point["centre"], point["box"]
         points.append(replayed_test(claim, section, middle, deviations, (1, 2), log, box, name))
-    judge(claim, section, points, evidence["arc"]["box"]["radii"])
+    require_extremum(claim, section, points, evidence["arc"]["box"]["radii"])
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:

@@ -115,8 +115,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     products,
     require_positive,
 )
-from tippedisk_verify.proofs.kernel.flow import Model, Path
-from tippedisk_verify.proofs.kernel.section import BELOW_HALF_PI
+from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
+from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = ["Passage", "arrivals"]
@@ -458,31 +458,31 @@ def arrivals(
         extents[S],
     )
     tops: list[list[Any]] = []
-    turned = np.zeros(len(lengths), bool)
+    passed_extreme = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
         step = Trial(path, (_ORDER, _ORDER)).tested(BallArray(lengths))
-        _all(
+        _require_all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
         )
-        turning = _climbs(path.model, step)
-        if turning.any():
+        at_extreme = _climbs(path.model, step)
+        if at_extreme.any():
             half = step.length / 2
             by = step.derivatives_at(half + half.around_zero())[0][1:]
-            tops.append([hull_of_array(x[turning]) for x in (step.enclosure[0], *by)])
-        turned |= turning
+            tops.append([hull_of_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
+        passed_extreme |= at_extreme
         watch(number / count)
         if number == count:
             break
         path.take(step)
         z = saddle.arrived(step.enclosure)
         rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.frame)[S] + s
-        _all(
+        _require_all(
             "it is not shown to be on its way",
             (-level).positive(),
             rate.positive() | (-s - z[S]).positive(),
         )
-    _all("beta_bar is not shown to have a largest value on the way", turned)
+    _require_all("beta_bar is not shown to have a largest value on the way", passed_extreme)
     beta = [reduce(arb.union, column) for column in zip(*tops, strict=True)]
     time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
@@ -496,14 +496,16 @@ class _Axes:
     The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
 
-    def axes(self, turned: Sequence[Sequence[Any]], sizes: Any, stiffness: Any) -> list[list[Any]]:
-        return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(turned)]
+    def axes(
+        self, moved_axes: Sequence[Sequence[Any]], sizes: Any, stiffness: Any
+    ) -> list[list[Any]]:
+        return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(moved_axes)]
 
     def step_taken(self, *_: Any) -> None:
         """Do nothing: the steps of these flights are not recorded."""
 
 
-def _all(what: str, *verified: NDArray[np.bool_]) -> None:
+def _require_all(what: str, *verified: NDArray[np.bool_]) -> None:
     """Raise Unproved unless all masks are True for all flights.
 
     ``verified`` are masks with an entry for each flight. The message contains the number of the
@@ -521,17 +523,18 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
     for which this is not shown.
     """
     beta, _, v = step.enclosure
-    _all(
+    _require_all(
         "0 < beta_bar < 1.5707 is not shown",
         beta.positive(),
         (ball(BELOW_HALF_PI) - beta).positive(),
     )
-    turning: NDArray[np.bool_] = ~(v.positive() | v.negative())
-    if turning.any():
-        _all(
-            "v is not shown to pass zero once", ~turning | model.rates(step.enclosure)[2].negative()
+    at_extreme: NDArray[np.bool_] = ~(v.positive() | v.negative())
+    if at_extreme.any():
+        _require_all(
+            "v is not shown to pass zero once",
+            ~at_extreme | model.rates(step.enclosure)[2].negative(),
         )
-    return turning
+    return at_extreme
 
 
 def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
@@ -546,9 +549,9 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     level = saddle.enclosed_coordinates(path.carried(step, middle))[S] + s
     rate = saddle.rates(saddle.arrived(step.enclosure))[S]
     for _ in range(2):
-        _all("it is not shown to pass z_s = -s once", rate.positive())
+        _require_all("it is not shown to pass z_s = -s once", rate.positive())
         time = middle - level / rate
-        _all(
+        _require_all(
             "it is not shown to arrive in its last step",
             time.positive(),
             (step.length - time).positive(),
@@ -558,7 +561,7 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     z = saddle.enclosed_coordinates(frame)
     z[S] = z[S].constant(-s)
     rates, rows = saddle.rates(z), saddle.columns(frame.matrix())
-    _all("it is not shown to arrive", rates[S].positive())
+    _require_all("it is not shown to arrive", rates[S].positive())
     by_time = [-rows[S][k] / rates[S] for k in (1, 2, 3)]
     by_u, by_f = ([rows[i][k] + rates[i] * by_time[k - 1] for k in (1, 2, 3)] for i in (U, F))
     return [[time, *by_time], [z[U], *by_u], [z[F], *by_f]]

@@ -38,14 +38,14 @@ Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta
 Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
 cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
 the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
-Its point there has |w_i| <= k_i theta_0 (`leaving`).
+Its point there has |w_i| <= k_i theta_0 (`show_departure`).
 
 Isolating block (6.3)
 ---------------------
 Let theta = z_s and N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. Suppose that z_s and w_f point inwards
 on their faces, and that w_u' has the sign of w_u for delta <= |w_u| <= u. Then an orbit in N with
 w_u > delta leaves N through w_u = u, one with w_u < -delta through w_u = -u. No orbit leaves
-anywhere else (`block`).
+anywhere else (`show_isolating_block`).
 
 The smooth friction law (6.5)
 -----------------------------
@@ -87,8 +87,8 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import LAWS
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
-from tippedisk_verify.proofs.kernel.flow import Model, Path
 from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
 from tippedisk_verify.proofs.kernel.sliding import law_model
 from tippedisk_verify.proofs.kernel.step import polynomial
 
@@ -99,13 +99,13 @@ __all__ = [
     "ManifoldGraph",
     "SaddleCoordinates",
     "abs_upper",
-    "block",
     "cones",
     "hull_of_array",
-    "leaving",
     "off_diagonal_sums",
     "products",
     "require_positive",
+    "show_departure",
+    "show_isolating_block",
 ]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
@@ -178,7 +178,7 @@ def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     ]
 
 
-class _Beyond:
+class _SaddleOps:
     """The sine and cosine for the equations of motion about the saddle, where gamma_bar = pi + y.
 
     The object ``angle`` stands for y: its sine and cosine change their sign. Other angles are
@@ -236,7 +236,7 @@ class SaddleCoordinates:
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
     def law(self, side: int | None) -> Any:
-        """Return the field F in the coordinates z, as the ``law`` that `flow.Model` expects.
+        """Return the field F in the coordinates z, as the ``law`` that `proved_flow.Model` expects.
 
         ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
         itself.
@@ -246,7 +246,7 @@ class SaddleCoordinates:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
                 of_y = field(
-                    _Beyond(ops, gamma), numbers, omega, self.friction if side is None else side
+                    _SaddleOps(ops, gamma), numbers, omega, self.friction if side is None else side
                 )
                 return self.coordinates(of_y(beta, gamma, v))
 
@@ -304,7 +304,7 @@ class SaddleCoordinates:
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
             moved, _ = sliding_motion(
-                _Beyond(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
+                _SaddleOps(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
             )
             return coefficient(moved, 1)
 
@@ -489,10 +489,10 @@ class ManifoldGraph:
         return bounds
 
 
-def leaving(
+def show_departure(
     curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
 ) -> tuple[list[Any], list[Any], Any]:
-    """Show that the unstable branch stays in a cone about the curve up to z_u = theta > 0 (6.1).
+    """Show that the unstable manifold stays in a cone about the curve up to z_u = theta > 0 (6.1).
 
     Args:
         curve: A polynomial curve near the unstable manifold.
@@ -526,7 +526,9 @@ def leaving(
     return curve.point(theta, within), whole, matrix
 
 
-def block(curve: ManifoldGraph, extents: Sequence[Any]) -> tuple[Any, list[Any], Any]:
+def show_isolating_block(
+    curve: ManifoldGraph, extents: Sequence[Any]
+) -> tuple[Any, list[Any], Any]:
     """Show that a box about the saddle, N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}, is an isolating
     block (6.3).
 

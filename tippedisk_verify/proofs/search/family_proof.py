@@ -27,8 +27,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     unique_within,
 )
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection import ProvedConnection
-from tippedisk_verify.proofs.search.connection_cycles import ConnectionCyclesProof
+from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
+from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
 from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 

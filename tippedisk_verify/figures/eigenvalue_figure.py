@@ -8,12 +8,12 @@ from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit
-from tippedisk_verify.figures.style import BLACK, BLUE, ORANGE, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, ORANGE, figure_with_axes
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["draw_eigenvalues", "eigenvalue_rows", "eigenvalues"]
+__all__ = ["draw_eigenvalues", "eigenvalue_exhibit", "eigenvalue_rows"]
 
 _STEPS = 200  # up to Omega_crit; where the two real eigenvalues meet they change like a square root
 
@@ -44,7 +44,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(2, columns, (4.6, 3.2))
+    figure, axes = figure_with_axes(2, columns, (4.6, 3.2))
     omega, *parts = zip(*rows, strict=True)
     for column, (axis, name) in enumerate(zip(axes, ("Re λ [1/s]", "Im λ [1/s]"), strict=True)):
         axis.axhline(0, color=BLACK, lw=0.6)
@@ -65,7 +65,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     "ones meet, "
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )
-def eigenvalues(audit: Audit, examined: Sequence[str]) -> Drawing:
+def eigenvalue_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the eigenvalues of inverted spinning of the audited disk against the speed."""
     rows = eigenvalue_rows(audit.parameters)
     crit = float(omega_crit(audit.parameters))

@@ -112,7 +112,7 @@ class Graph:
             return left
         node = Node(self, kind, left, self.number(right))
         if node.constant:
-            node.c = [_folded(kind, left.c[0], node.right.c[0])]
+            node.c = [_fold_constants(kind, left.c[0], node.right.c[0])]
         return node
 
     def sin(self, angle: Node) -> Node:
@@ -229,7 +229,7 @@ class System:
         convolved = {part for node in moving for part in _convolved(node)}
         inner = [node for node in moving if node.kind != "variable"]
         self._remembered = [node for node in inner if node in convolved]
-        #: only their latest coefficient is needed
+        # only their latest coefficient is needed
         self._passing = [node for node in inner if node not in convolved]
         self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
 
@@ -268,7 +268,7 @@ def _list(_: object = None) -> list[Any]:
     return []
 
 
-def _folded(kind: str, a: Any, b: Any) -> Any:
+def _fold_constants(kind: str, a: Any, b: Any) -> Any:
     """Return the result of an arithmetic operation of the given ``kind`` on two constants.
 
     A quotient of integers stays exact, as a Fraction.

@@ -36,7 +36,7 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model, StepProposer
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
 
@@ -45,7 +45,7 @@ __all__ = [
     "LIBRATING_SECTION",
     "ROTATING_SECTION",
     "PoincareSection",
-    "Return",
+    "SectionReturn",
     "return_map",
 ]
 
@@ -61,18 +61,18 @@ class PoincareSection(NamedTuple):
 
     zero: int  #: index of the component that is zero on the section
     first: int  #: index of the first coordinate on it; the second is v
-    laps: int  #: flights in a period: two for the half map, with S between them
+    flights_per_period: int  #: flights in a period: two for the half map, with S between them
 
     @property
     def sign(self) -> int:
         """The sign of the symmetry after the flight: -1 for the half map, 1 for the turn map."""
-        return -1 if self.laps == 2 else 1
+        return -1 if self.flights_per_period == 2 else 1
 
     def level(self) -> Any:
         """Return the value at which a flight ends of the component that is zero at its start: 0 or
         2 pi.
         """
-        return arb(0) if self.laps == 2 else 2 * arb.pi()
+        return arb(0) if self.flights_per_period == 2 else 2 * arb.pi()
 
     def start(self, first: Any, v: Any) -> list[Any]:
         """Return the state (beta_bar, gamma_bar, v) of the point on the section with these two
@@ -87,7 +87,7 @@ LIBRATING_SECTION, ROTATING_SECTION = PoincareSection(0, 1, 2), PoincareSection(
 
 
 @dataclass(frozen=True)
-class Return:
+class SectionReturn:
     """The result of following all orbits from a box on a section until they return to the section.
 
     The other members have a meaning only if the status is RETURNED. The coordinates x are
@@ -101,7 +101,7 @@ class Return:
     time: Any = None  #: flight time [s]
     image: Any = None  #: x under the map
     beta_least: Any = None  #: half map only: the least beta_bar, at the turn [rad]
-    turn_by_start: Any = None  #: its derivatives with respect to (x, Omega)
+    beta_least_by_start: Any = None  #: its derivatives with respect to (x, Omega)
     matrix: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
     by_omega: Any = None
     time_by_state: Any = None
@@ -117,7 +117,7 @@ def return_map(
     *,
     derivatives: bool = False,
     longest: float = 60.0,
-) -> Return:
+) -> SectionReturn:
     """Enclose the Poincare map of a section, for all starts in a box of the section's two
     coordinates.
 
@@ -135,11 +135,11 @@ def return_map(
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
     if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
-        return Return(FlowStatus.NO_START, path.time, 0)
+        return SectionReturn(FlowStatus.NO_START, path.time, 0)
     while path.time < longest:
         if (ended := poincare_map.advance()) is not None:
             return ended
-    return Return(FlowStatus.NO_RETURN, path.time, path.steps)
+    return SectionReturn(FlowStatus.NO_RETURN, path.time, path.steps)
 
 
 class SectionCase(Enum):
@@ -150,7 +150,7 @@ class SectionCase(Enum):
     """
 
     ON = "they fall, or after the turn rise, and do not reach the section"
-    TURNS = "they turn"
+    EXTREME = "they turn"
     CROSSES = "they cross the section"
 
 
@@ -168,11 +168,11 @@ class PoincareMap:
     ) -> None:
         self.section = section
         self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
-        self.turned = False
+        self.passed_extreme = False
         #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
-        self.turn: tuple[Any, Any] = (None, None)
+        self.extreme: tuple[Any, Any] = (None, None)
 
-    def advance(self) -> Return | None:
+    def advance(self) -> SectionReturn | None:
         """Take one proved step of the flight, shortened until its case is shown.
 
         Returns None while the flight goes on. At its end, returns the proved properties of the
@@ -190,12 +190,13 @@ class PoincareMap:
                     path.take(step, moment)
                     return self._landed()
             elif upright and (
-                case is SectionCase.ON or (case is SectionCase.TURNS and self._turn(step))
+                case is SectionCase.ON
+                or (case is SectionCase.EXTREME and self._enclose_extreme(step))
             ):
                 path.take(step)
                 return None
             longest = 0.7 * step.length
-        return Return(status if upright else FlowStatus.FLAT, path.time, path.steps)
+        return SectionReturn(status if upright else FlowStatus.FLAT, path.time, path.steps)
 
     def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown
@@ -214,18 +215,18 @@ class PoincareMap:
             crosses = positive(ahead) and positive(rates[1]) and one_law
             return upright, SectionCase.CROSSES if crosses else None
         start, gains = self.path.box[2], positive(rates[2]) and one_law
-        if not self.turned:
+        if not self.passed_extreme:
             if negative(v) or (gains and negative(v_end)):
                 return upright, SectionCase.ON
             turns = gains and negative(start) and positive(v_end) and negative(beta_end)
-            return upright, SectionCase.TURNS if turns else None
+            return upright, SectionCase.EXTREME if turns else None
         if not (positive(v) or (gains and positive(start) and positive(v_end))):
             return upright, None
         if negative(beta_end):
             return upright, SectionCase.ON
         return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
 
-    def _turn(self, step: Step) -> bool:
+    def _enclose_extreme(self, step: Step) -> bool:
         """Enclose the moment in the step at which v is 0, and store the beta_bar of that moment.
 
         Returns False if the moment cannot be enclosed.
@@ -241,11 +242,11 @@ class PoincareMap:
         if moment is None:
             return False
         # At the turn beta' = 0: moving the moment does not change beta to first order.
-        self.turn = (
+        self.extreme = (
             step.component(0, moment),
             step.derivatives_at(moment)[0][1:] if self.path.sharp else None,
         )
-        self.turned = True
+        self.passed_extreme = True
         return True
 
     def _crossing(self, step: Step) -> Any:
@@ -268,7 +269,7 @@ class PoincareMap:
             lambda time: model.rates(step.at(time))[zero],
         )
 
-    def _landed(self) -> Return:
+    def _landed(self) -> SectionReturn:
         """Return the proved properties of all orbits at the section, once the path has been taken
         there.
         """
@@ -297,14 +298,14 @@ class PoincareMap:
                 "time_by_omega": times[2],
                 "divergence": path.divergence,
             }
-        return Return(
+        return SectionReturn(
             FlowStatus.RETURNED,
             path.time,
             path.steps,
             path.reversals,
             time=path.time,
             image=tuple(sign * path.box[row] for row in (first, 2)),
-            beta_least=self.turn[0],
-            turn_by_start=self.turn[1],
+            beta_least=self.extreme[0],
+            beta_least_by_start=self.extreme[1],
             **derivatives,
         )

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from shlex import quote
 from typing import Any, get_args
 
-from tippedisk_verify.audit.catalogue import CLAIMS, group_of
+from tippedisk_verify.audit.claim_catalogue import CLAIMS, group_of
 from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verdict, sets_with
 from tippedisk_verify.model.measured import Measured
@@ -20,15 +20,23 @@ from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import as_json
 from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
-from tippedisk_verify.report.work import AuditJob
+from tippedisk_verify.report.tasks import AuditJob
 
-__all__ = ["claim_json", "results_json", "run_facts", "shown", "summary", "totals", "verdict_words"]
+__all__ = [
+    "claim_json",
+    "results_json",
+    "run_facts",
+    "summary",
+    "totals",
+    "value_text",
+    "verdict_words",
+]
 
 Findings = Sequence[tuple[Claim, Finding]]
 _NAMES = {claim.name for claim in CLAIMS}
 
 
-def shown(value: Measured | str) -> str:
+def value_text(value: Measured | str) -> str:
     """Return a computed value as text for the terminal. Numbers have at most twelve digits."""
     if isinstance(value, str):
         return value
@@ -192,7 +200,7 @@ def results_json(
     Args:
         job: The audit.
         findings: The claims with their findings.
-        figures: The figures, as `figures.exhibit.drawn` returns them.
+        figures: The figures, as `figures.exhibit.draw_exhibit` returns them.
         run: Facts about this run alone, as `run_facts` returns them. On one
             machine all other entries are the same in every run, except that a figure of run times
             shows the times measured when it was drawn.

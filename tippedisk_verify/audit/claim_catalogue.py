@@ -17,7 +17,7 @@ from tippedisk_verify.audit import (
 from tippedisk_verify.audit.claims import Claim
 from tippedisk_verify.errors import InputError
 
-__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of", "selected"]
+__all__ = ["CLAIMS", "GROUPS", "claims_drawn_in", "equations_named", "group_of", "select_claims"]
 
 #: The claims by subject, in the order of the paper.
 GROUPS: dict[str, tuple[Claim, ...]] = {
@@ -57,7 +57,7 @@ def equations_named(names: Sequence[str]) -> list[str]:
     ]
 
 
-def selected(names: Sequence[str]) -> tuple[Claim, ...]:
+def select_claims(names: Sequence[str]) -> tuple[Claim, ...]:
     """Return the claims with these names, or about these equations.
 
     Args:

@@ -12,8 +12,8 @@ from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from typing import Any, Literal
 
-from tippedisk_verify.audit.catalogue import GROUPS, claims_drawn_in, group_of, selected
-from tippedisk_verify.audit.claims import Audit, examined
+from tippedisk_verify.audit.claim_catalogue import GROUPS, claims_drawn_in, group_of, select_claims
+from tippedisk_verify.audit.claims import Audit, examine_claim
 from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.provenance import DRAWING, fingerprint
@@ -52,7 +52,7 @@ def tasks_for(job: AuditJob, *, figures: bool) -> tuple[Task, ...]:
     """
     tasks = [Task("claim", name) for name in job.claims]
     if figures:
-        from tippedisk_verify.figures.catalogue import exhibits_for
+        from tippedisk_verify.figures.exhibit_catalogue import exhibits_for
 
         tasks += [Task("figure", exhibit.name) for exhibit in exhibits_for(job.claims)]
         tasks.append(Task("formulas", "formulas"))
@@ -79,7 +79,7 @@ def key(job: AuditJob, task: Task) -> str:
 
 
 def _formulas(job: AuditJob) -> list[str]:
-    return [claim.formula for claim in selected(job.claims) if claim.formula]
+    return [claim.formula for claim in select_claims(job.claims) if claim.formula]
 
 
 def _of_figure(job: AuditJob, name: str) -> list[str]:
@@ -87,7 +87,7 @@ def _of_figure(job: AuditJob, name: str) -> list[str]:
 
 
 def _exhibit(name: str) -> Any:
-    from tippedisk_verify.figures.catalogue import EXHIBITS
+    from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 
     return next(exhibit for exhibit in EXHIBITS if exhibit.name == name)
 
@@ -109,16 +109,16 @@ def _audit(parameters: Parameters, name: str, digits: int) -> Audit:
 def run_task(job: AuditJob, task: Task) -> Any:
     """Compute one task of an audit and return its result as plain data."""
     if task.kind == "formulas":
-        from tippedisk_verify.figures.formula import formulas_drawn
+        from tippedisk_verify.figures.formula import draw_formulas
 
-        return formulas_drawn(_formulas(job))
+        return draw_formulas(_formulas(job))
     audit = _audit(job.parameters, job.parameters.name, job.digits)
     if task.kind == "claim":
-        (claim,) = selected([task.name])
-        return examined(audit, claim).record()
-    from tippedisk_verify.figures.exhibit import drawn
+        (claim,) = select_claims([task.name])
+        return examine_claim(audit, claim).record()
+    from tippedisk_verify.figures.exhibit import draw_exhibit
 
-    return drawn(_exhibit(task.name), audit, _of_figure(job, task.name))
+    return draw_exhibit(_exhibit(task.name), audit, _of_figure(job, task.name))
 
 
 def run(
@@ -183,7 +183,7 @@ def _cost(task: Task) -> float:
     if task.kind == "formulas":
         return 0.0
     return float(
-        selected([task.name])[0].cost if task.kind == "claim" else _exhibit(task.name).cost
+        select_claims([task.name])[0].cost if task.kind == "claim" else _exhibit(task.name).cost
     )
 
 

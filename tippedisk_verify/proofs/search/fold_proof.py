@@ -26,16 +26,16 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
-from tippedisk_verify.proofs.kernel.flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import (
+from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     PoincareSection,
-    Return,
+    SectionReturn,
     return_map,
 )
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
@@ -163,12 +163,12 @@ class _FoldAttempt:
                 "Omega is not proved to rise at one end of the arc and to fall at the other"
             )
         v, omega, period = map(
-            ball_to_measured, (*whole.image[1:], self.section.laps * whole.box.time)
+            ball_to_measured, (*whole.image[1:], self.section.flights_per_period * whole.box.time)
         )
         numbers = (widened(omega), self.arc, widened(v), widened(period))
-        values = dict(zip(fold.names(self.section), numbers, strict=True))
+        values = dict(zip(fold.claimed_names(self.section), numbers, strict=True))
         claim = certificate_claim("", self.parameters, values, extremum=extremum)
-        fold.judge(
+        fold.require_extremum(
             claim,
             self.section,
             [whole, *points],
@@ -238,7 +238,7 @@ class _FoldAttempt:
         p: Any,
         m: Sequence[Any],
         sizes: Sequence[Any],
-        centre: tuple[FlightStepSearch, Return] | None = None,
+        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
     ) -> FixedPoints:
         """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
         evidence.
@@ -247,12 +247,12 @@ class _FoldAttempt:
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
         )
-        if isinstance(fixed, Return):
+        if isinstance(fixed, SectionReturn):
             raise _not_followed(fixed)
         return fixed
 
 
-def _not_followed(flight: Return) -> Unproved:
+def _not_followed(flight: SectionReturn) -> Unproved:
     return Unproved(
         f"on the arc, the orbit could not be followed beyond t = {float(flight.reached):.4g} s: "
         f"{flight.status.value}"

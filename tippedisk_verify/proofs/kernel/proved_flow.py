@@ -28,8 +28,8 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.series import Graph, Node, System, with_derivatives
 from tippedisk_verify.proofs.kernel.step import Step, magnitude
+from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, Node, System, with_derivatives
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
 
@@ -78,13 +78,13 @@ class StepProposer(Protocol):
         """
 
     def axes(
-        self, turned: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
+        self, moved_axes: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
     ) -> Sequence[Sequence[Any]]:
         """Return new axes for the box of a set of states: the columns of a regular matrix of points
         (`frame.Frame.carried`).
 
         Args:
-            turned: The old axes as the flow has moved them, a matrix of balls.
+            moved_axes: The old axes as the flow has moved them, a matrix of balls.
             sizes: The sizes of the set along the old axes.
             stiffness: The factor [1/s] that weighs velocities against angles.
         """
@@ -232,7 +232,7 @@ class Path:
         )  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
         return step.frame.carried(
-            centre, rows, lambda turned, sizes: self.proposer.axes(turned, sizes, stiffness)
+            centre, rows, lambda moved_axes, sizes: self.proposer.axes(moved_axes, sizes, stiffness)
         )
 
     def take(self, step: Step, time: Any = None) -> None:

@@ -24,20 +24,20 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.flow import FlowStatus
 from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
-from tippedisk_verify.proofs.kernel.section import (
+from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
     PoincareSection,
-    Return,
+    SectionReturn,
     return_map,
 )
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
-from tippedisk_verify.proofs.search.proof import Proof, Stopped, certificate_claim
+from tippedisk_verify.proofs.search.proof import Proof, SearchStopped, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
@@ -192,7 +192,7 @@ def prove_cycle(
         )
     try:
         return attempt.run([exact(part) for part in guess])
-    except Stopped as fault:
+    except SearchStopped as fault:
         return CycleProof(
             section, CycleStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits
         )
@@ -203,7 +203,7 @@ class CycleAttempt:
     size.
 
     `run` refines a guess and applies Krawczyk's test to a box about it. It repeats this with more
-    bits until the cycle is proved to the wanted digits. It raises `Stopped` if that fails.
+    bits until the cycle is proved to the wanted digits. It raises `SearchStopped` if that fails.
     """
 
     def __init__(
@@ -230,11 +230,11 @@ class CycleAttempt:
             with working_precision(self.bits):
                 at, drift = cycle.place(self.setting, middle)
                 fixed, evidence = self.tested(at, drift, self.box_bits)
-                if isinstance(fixed, Return):
+                if isinstance(fixed, SectionReturn):
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
                     ended, more = (
-                        Stopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
+                        SearchStopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
                         _shortage(fixed, evidence),
                     )
                 else:
@@ -254,7 +254,7 @@ class CycleAttempt:
                     if not lacking:
                         return self.neighbourhood(proof, fixed, drift, evidence)
                     ended, more = (
-                        Stopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
+                        SearchStopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
                         lacking + 4,
                     )
                     self.box_bits += more
@@ -270,8 +270,8 @@ class CycleAttempt:
         middle: Sequence[Any],
         drift: Any,
         size: int,
-        centre: tuple[FlightStepSearch, Return] | None = None,
-    ) -> tuple[FixedPoints | Return, dict[str, Any]]:
+        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
+    ) -> tuple[FixedPoints | SectionReturn, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
         Args:
@@ -294,7 +294,7 @@ class CycleAttempt:
             state = [ball(part).mid() for part in guess]
         scale = float(abs(state[0])) + float(abs(state[1])) / 10
         if not scale > 0:
-            raise Stopped(CycleStatus.TRIVIAL, "the guess is the equilibrium")
+            raise SearchStopped(CycleStatus.TRIVIAL, "the guess is the equilibrium")
         matrix: Any = None
         # -log2 of the last step's size relative to the state, and of the matrix's error
         correct, gain = 0, 0
@@ -317,13 +317,13 @@ class CycleAttempt:
                     inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
                 )
                 if not all(part.is_finite() for part in step):
-                    raise Stopped(
+                    raise SearchStopped(
                         CycleStatus.NOT_CONVERGED, "the derivative of the map is singular"
                     )
             with working_precision(self.bits):
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
-                raise Stopped(CycleStatus.TRIVIAL, "in Newton's iteration")
+                raise SearchStopped(CycleStatus.TRIVIAL, "in Newton's iteration")
             size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
@@ -335,7 +335,7 @@ class CycleAttempt:
                 return state
             if correct <= previous:  # a stale derivative
                 matrix, gain = None, 0
-        raise Stopped(
+        raise SearchStopped(
             CycleStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
         )
 
@@ -361,8 +361,8 @@ class CycleAttempt:
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
 
 
-def _not_followed(flight: Return) -> Stopped:
-    return Stopped(
+def _not_followed(flight: SectionReturn) -> SearchStopped:
+    return SearchStopped(
         CycleStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
     )
 

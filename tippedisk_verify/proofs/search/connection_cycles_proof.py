@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import exact, shown
+from tippedisk_verify.model.exact import exact, short_text
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
@@ -38,8 +38,13 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage
 from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection import ProvedConnection, eigenvectors
-from tippedisk_verify.proofs.search.proof import ChoiceSearch, Proof, Stopped, certificate_claim
+from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, eigenvectors
+from tippedisk_verify.proofs.search.proof import (
+    ChoiceSearch,
+    Proof,
+    SearchStopped,
+    certificate_claim,
+)
 
 __all__ = [
     "ConnectionCyclesProof",
@@ -48,7 +53,7 @@ __all__ = [
     "prove_connection_cycles",
 ]
 
-#: u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
+# u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS = (32, 6)  # numbers of cells along half of z_u and z_s, and along half of z_f
 _STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
@@ -226,7 +231,7 @@ def checked_distance(number: object) -> Fraction:
     if given.pi_multiple or not 0 < given.rational < 1:
         raise InputError(
             f"the distance up to which cycles are proved is a decimal between 0 and 1 rad/s, not "
-            f"{shown(number)}"
+            f"{short_text(number)}"
         )
     return given.rational
 
@@ -248,7 +253,7 @@ class _EndSearch(ChoiceSearch):
 
         ``fault`` is the error by which the kernel or the search gave up.
         """
-        if isinstance(fault, Stopped):
+        if isinstance(fault, SearchStopped):
             return ConnectionCyclesStatus(fault.status)
         if "connection" in str(fault):
             return ConnectionCyclesStatus.APART
@@ -300,7 +305,7 @@ class _EndSearch(ChoiceSearch):
         lid = abs(arrival)
         for _ in range(_ROUNDS):
             if lid > float(n.extents[0]) / 2:
-                raise Stopped(ConnectionCyclesStatus.NO_LID)
+                raise SearchStopped(ConnectionCyclesStatus.NO_LID)
             reach = float(LoopMap(n, self._entry(n, lid)).exits[1]) / _SLOW_CELL
             lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
         return self._entry(n, lid * self.factor)

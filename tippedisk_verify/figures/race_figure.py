@@ -11,17 +11,27 @@ from itertools import cycle
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.bench.measurement import Score, machine, raced, ratios
+from tippedisk_verify.bench.measurement import Score, machine_facts, run_race, run_time_ratios
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method
 from tippedisk_verify.bench.peers import peer_methods
 from tippedisk_verify.bench.problems import ErrorKind, problem_named
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, RED, SKY, grid
+from tippedisk_verify.figures.style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    SKY,
+    figure_with_axes,
+)
 
-__all__ = ["draw_race", "race", "race_csv"]
+__all__ = ["draw_race", "race_csv", "race_exhibit"]
 
-#: Colour, mark and line by method. Variants of a method share its colour and have hollow marks.
+# Colour, mark and line by method. Variants of a method share its colour and have hollow marks.
 _LOOKS = {
     "taylor": (BLUE, "o", "-"),
     "taylor, fast math": (BLUE, "o", ":"),
@@ -42,8 +52,8 @@ _LOOKS = {
     "CVODE Adams": (SKY, "X", "--"),
     "diffrax Dopri8": (SKY, "h", "-"),
 }
-#: The same for integrators that users bring. A colour that comes back has hollow marks and a dotted
-#: line.
+# The same for integrators that users bring. A colour that comes back has hollow marks and a dotted
+# line.
 _OWN_LOOKS = tuple(
     ((BLACK, SKY, RED)[n % 3], ("s", ">", "*", "<")[n % 4], ("-", ":")[(n // 3 + n // 12) % 2])
     for n in range(24)
@@ -56,7 +66,7 @@ _UNITS = {
     "order": "1",
     "order_error": "1",
 }
-#: The error's name on an axis and its unit.
+# The error's name on an axis and its unit.
 _ERRORS: dict[ErrorKind, tuple[str, str]] = {
     "state": ("error", "rad or rad/s"),
     "period": ("error of the period", "s"),
@@ -65,7 +75,7 @@ _ERRORS: dict[ErrorKind, tuple[str, str]] = {
 }
 _MIN_SHOWN_ERROR = 1e-27  # the least error shown; a smaller one is drawn there
 
-#: The problems and settings of the report, which take seconds in all. `bench` has all of them.
+# The problems and settings of the report, which take seconds in all. `bench` has all of them.
 _PROBLEMS = ("cycle", "passage")
 _METHODS: dict[str, tuple[Any, ...]] = {
     "bare heyoka": ("double", "extended"),
@@ -95,7 +105,7 @@ def draw_race(scores: Sequence[Score], columns: int = 2) -> Any:
     columns = min(columns, len(names))
     looks = _looks(scores)
     size = (4.0, 3.4) if columns == 1 else (3.0, 3.0)
-    figure, axes = grid(len(names), columns, size, 0.2 * math.ceil(len(looks) / 2))
+    figure, axes = figure_with_axes(len(names), columns, size, 0.2 * math.ceil(len(looks) / 2))
     for place, (axis, name) in enumerate(zip(axes, names, strict=True)):
         _draw_panel(axis, [score for score in scores if score.problem == name], looks)
         label = "run time, warm [s]" if place + columns >= len(names) else ""  # nothing below it
@@ -181,15 +191,15 @@ def _brief_methods() -> list[Method]:
     alone=True,
     packages=("numbalsoda",),
 )
-def race(audit: Audit, examined: Sequence[str]) -> Drawing:
+def race_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Run the report's comparison of integrators and draw it."""
-    scores = raced([problem_named(name) for name in _PROBLEMS], _brief_methods())
+    scores = run_race([problem_named(name) for name in _PROBLEMS], _brief_methods())
     return Drawing(
         figure=lambda columns: draw_race(scores, columns),
         columns=2,
         reading=_compared(scores),
         data={"race.csv": race_csv(scores)},
-        facts={"raced_on": machine()},
+        facts={"raced_on": machine_facts()},
     )
 
 
@@ -211,7 +221,11 @@ def _compared(scores: Sequence[Score]) -> str:
     compiled peer and of SciPy.
     """
     comparisons = []
-    rows = [row for row in ratios(scores) if row["error_at_most"] == 1e-6 and row["heyoka_seconds"]]
+    rows = [
+        row
+        for row in run_time_ratios(scores)
+        if row["error_at_most"] == 1e-6 and row["heyoka_seconds"]
+    ]
     for group, subject in (
         ("peer", "the fastest compiled peer"),
         ("scipy", "SciPy's fastest, called from Python,"),

@@ -16,7 +16,7 @@ from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["inversion", "points_of"]
+__all__ = ["inversion_exhibit", "points_of"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # in units of the disk's radius, as in the set `geometry`
 _FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
@@ -150,12 +150,12 @@ def _draw_moments(parameters: Parameters, times: Any, states: Any, height: Any, 
     "and below "
     "them the height of its centre of gravity against time, which rises and settles.",
 )
-def inversion(audit: Audit, examined: Sequence[str]) -> Drawing:
+def inversion_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the inversion from the paper's first start, at Omega_crit + 0.5 rad/s."""
     import numpy
 
     r, e = float(audit.parameters.r), float(audit.parameters.e)
-    orbit = audit.panel("f", audit.parameters.name).orbits[0]
+    orbit = audit.computed_scene("f", audit.parameters.name).orbits[0]
     kept = orbit.times <= _SHOWN_SECONDS
     times, states = orbit.times[kept], orbit.states[kept]
     height = 1e3 * (r + e * numpy.sin(states[:, 1])) * numpy.sin(states[:, 0])

@@ -1,4 +1,7 @@
-"""`Solution.save` and `tv.load`: saved results (JSON, not tables)."""
+"""`Solution.save` and `tv.load`: saved results (JSON, not tables).
+
+`motion` is the lowest package that knows both motions and limit cycles.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,7 @@ import numpy
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import EventRecord, Status
-from tippedisk_verify.model.numpy_errors import undisturbed
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
@@ -21,7 +24,7 @@ from tippedisk_verify.model.precision import (
     precision_of,
 )
 from tippedisk_verify.model.result_format import (
-    number,
+    read_number,
     read_saved,
     saved_numbers,
     write_saved,
@@ -56,8 +59,8 @@ def save_solution(solution: Solution, path: str | PathLike[str]) -> Path:
         },
         "end": _record_entry(solution.end),
         "events": [_record_entry(record) for record in solution.events],
-        "watched": list(solution._watched),
-        "span": saved_numbers([solution._start, solution._final]),
+        "watched": list(solution._event_names),
+        "span": saved_numbers([solution._start, solution._end_time]),
     }
     return write_saved(path, Solution.__name__, solution.disk, entries)
 
@@ -80,7 +83,7 @@ def _record_entry(record: EventRecord) -> dict[str, Any]:
     return {"name": record.name} | {name: _entry(getattr(record, name)) for name in _RECORD}
 
 
-@undisturbed()
+@ignore_numpy_errors()
 def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
     """Return a result that ``solution.save(path)`` or ``cycle.save(path)`` has written.
 
@@ -108,11 +111,11 @@ def load(path: str | PathLike[str]) -> Solution | LimitCycle | RotatingCycle:
 def _cycle(
     kind: type[LimitCycle | RotatingCycle], disk: Parameters, entries: dict[str, Any]
 ) -> LimitCycle | RotatingCycle:
-    numbers: dict[str, Any] = {name: number(entries[name]) for name in quantities(kind)}
+    numbers: dict[str, Any] = {name: read_number(entries[name]) for name in quantities(kind)}
     return kind(
         **numbers,
         stable=entries["stable"],
-        residuals=tuple(float(number(residual)) for residual in entries["residuals"]),
+        residuals=tuple(float(read_number(residual)) for residual in entries["residuals"]),
         parameters=disk,
         engine=entries["engine"],
         precision=entries["precision"],
@@ -120,23 +123,23 @@ def _cycle(
 
 
 def _solution(disk: Parameters, entries: dict[str, Any]) -> Solution:
-    first, last = map(number, entries["span"])
+    first, last = map(read_number, entries["span"])
     return Solution(
         disk=disk,
-        omega=number(entries["omega"]),
+        omega=read_number(entries["omega"]),
         status=Status[entries["status"].upper()],
         end=_record(entries["end"]),
         events=tuple(map(_record, entries["events"])),
-        times=tuple(map(number, entries["t"]["numbers"])),
+        times=tuple(map(read_number, entries["t"]["numbers"])),
         **{name: _values(entries[name]) for name in ("t", *_ARRAYS)},
         **{name: entries[name] for name in _TEXTS},
         by={
             variable: Derivative(**{name: _values(entry) for name, entry in derivative.items()})
             for variable, derivative in entries["by"].items()
         },
-        _watched=tuple(entries["watched"]),
+        _event_names=tuple(entries["watched"]),
         _start=first,
-        _final=last,
+        _end_time=last,
         _request=None,
         _engine=None,
     )
@@ -150,7 +153,7 @@ def _values(entry: dict[str, Any] | None) -> Any:
         return None
     precision = precision_named(entry["arithmetic"])
     texts = numpy.array(entry["numbers"], object)
-    exact = (number(text) for text in texts.flat)
+    exact = (read_number(text) for text in texts.flat)
     values = [value if value == math.inf else precision.number(value) for value in exact]
     if not texts.ndim:
         return values[0]

@@ -22,8 +22,8 @@ __all__ = [
     "READINGS",
     "STORED_DIGITS",
     "Case",
-    "Item",
     "Reading",
+    "ReferenceQuestion",
     "Values",
     "as_doubles",
     "case_of",
@@ -37,7 +37,7 @@ STORED_DIGITS = 50  #: significant digits of a stored number; Omega_h has more
 
 
 @dataclass(frozen=True)
-class Item:
+class ReferenceQuestion:
     """A question of the reference data: a state to evaluate at, a cycle to find, ..."""
 
     id: str  #: ``set/friction/kind/name``
@@ -68,7 +68,7 @@ class Case:
     The inputs are read as decimals, or as the doubles nearest to them.
     """
 
-    item: Item
+    item: ReferenceQuestion
     disk: Disk
     inputs: Mapping[str, Any]  #: exact rationals, and words
 
@@ -79,21 +79,23 @@ def as_doubles(disk: Disk) -> Disk:
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
-def case_of(item: Item, reading: Reading) -> Case:
+def case_of(question: ReferenceQuestion, reading: Reading) -> Case:
     """Return the disk and the inputs of a question as exact numbers, in one reading.
 
     A reading takes them as decimals, or as the doubles nearest to these.
     """
-    disk = replace(disk_of(item.set), friction="smooth" if item.friction == "smooth" else "linear")
+    disk = replace(
+        disk_of(question.set), friction="smooth" if question.friction == "smooth" else "linear"
+    )
     inputs: dict[str, Any] = {}
-    for name, text in item.inputs.items():
+    for name, text in question.inputs.items():
         try:
             number = exact(text).rational
         except ValueError:
             inputs[name] = text
             continue
         inputs[name] = Fraction(float(number)) if reading == "doubles" else number
-    return Case(item, as_doubles(disk) if reading == "doubles" else disk, inputs)
+    return Case(question, as_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
 def rounded_to_digits(measured: Measured, digits: int) -> Measured:

@@ -31,11 +31,11 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.start import Start, at_rest
 from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import field, jacobian, shifted, terms
-from tippedisk_verify.model.exact import shown
-from tippedisk_verify.model.numpy_errors import undisturbed_methods
+from tippedisk_verify.model.exact import short_text
+from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.precision import DOUBLE
 
-__all__ = ["SCIPY_METHODS", "Baseline", "ScipyMethod"]
+__all__ = ["SCIPY_METHODS", "ScipyEngine", "ScipyMethod"]
 
 ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
 SCIPY_METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
@@ -60,20 +60,20 @@ class _CountedRates:
     limited.
     """
 
-    def __init__(self, rates: Callable[[float, Any], Any], initial: Any, most: int) -> None:
-        self._rates, self._most, self.calls = rates, most, 0
+    def __init__(self, rates: Callable[[float, Any], Any], initial: Any, max_calls: int) -> None:
+        self._rates, self._max_calls, self.calls = rates, max_calls, 0
         self.time, self.state = 0.0, initial  #: of the last call
 
     def __call__(self, t: float, y: Any) -> Any:
         self.calls += 1
         self.time, self.state = t, y
-        if self.calls > self._most:
+        if self.calls > self._max_calls:
             raise _OutOfStepsError
         return self._rates(t, y)
 
 
-@undisturbed_methods
-class Baseline:
+@ignore_numpy_errors_in_methods
+class ScipyEngine:
     """An engine that integrates with one of SciPy's methods.
 
     Args:
@@ -91,7 +91,7 @@ class Baseline:
     def __init__(self, method: str = "DOP853") -> None:
         if method not in SCIPY_METHODS:
             raise InputError(
-                f"method '{shown(method)}' is not known: use {', '.join(SCIPY_METHODS)}"
+                f"method '{short_text(method)}' is not known: use {', '.join(SCIPY_METHODS)}"
             )
         self.method = method
 
@@ -154,12 +154,12 @@ class Baseline:
 
             if self.method in _TAKES_JACOBIAN:
                 options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
-        watched = list(request.events)
-        if request.domain != "none" and FLAT not in watched:
-            watched.append(FLAT)
+        detected_events = list(request.events)
+        if request.domain != "none" and FLAT not in detected_events:
+            detected_events.append(FLAT)
         counted = _CountedRates(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
         tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
-        events = [_event(event, start) for event in watched]
+        events = [_event(event, start) for event in detected_events]
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
         try:
@@ -185,15 +185,15 @@ class Baseline:
             return Result(
                 status, float(counted.time), numpy.array(last[:3]), 0, evaluations=counted.calls
             )
-        return _result(request, solution, watched)
+        return _result(request, solution, detected_events)
 
 
-def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
+def _result(request: Request, solution: Any, detected_events: list[Event]) -> Result:
     end, final, dense = float(solution.t[-1]), solution.y[:, -1], solution.sol
     records = [
         EventRecord(event.name, float(when), state[:3].copy())
         for event, times, states in zip(
-            watched, solution.t_events or (), solution.y_events or (), strict=True
+            detected_events, solution.t_events or (), solution.y_events or (), strict=True
         )
         for when, state in zip(times, states, strict=True)
     ]
@@ -201,7 +201,7 @@ def _result(request: Request, solution: Any, watched: list[Event]) -> Result:
     if solution.status == 0:
         status = Status.REACHED
     elif solution.status == 1:
-        ending = {event.name for event in watched if event.terminal} & {
+        ending = {event.name for event in detected_events if event.terminal} & {
             record.name for record in records if record.time == end
         }
         status = Status.FLAT if FLAT.name in ending else Status.EVENT

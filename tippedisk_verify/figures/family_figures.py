@@ -16,13 +16,13 @@ from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
-from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, grid
+from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, figure_with_axes
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 from tippedisk_verify.theory.one_harmonic_law import Form, one_harmonic
 
-__all__ = ["branch", "draw_branch", "draw_scenario", "law_rows", "scenario"]
+__all__ = ["draw_branch", "draw_scenario", "family_exhibit", "law_rows", "scenario_exhibit"]
 
 Rows = Sequence[tuple[float, ...]]
 _SPEEDS = 24  # of the scenario, on each side of Omega_h
@@ -85,7 +85,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(3, columns, (3.2, 3.0) if columns > 1 else (4.6, 3.0))
+    figure, axes = figure_with_axes(3, columns, (3.2, 3.0) if columns > 1 else (4.6, 3.0))
     for column, (axis, name) in enumerate(zip(axes, _AXES, strict=True), start=1):
         for (label, rows), (line, colour) in zip(curves.items(), _LAW_STYLES, strict=True):
             shown = [row for row in rows if len(row) > column]
@@ -108,7 +108,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     "decreases; and the slow "
     "multiplier, which rises to one at the Hopf point.",
 )
-def branch(audit: Audit, examined: Sequence[str]) -> Drawing:
+def family_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw the audited disk's family of limit cycles with both one-harmonic laws."""
     parameters = audit.parameters
     rows = _rows(audit.family(parameters.name), _hopf_row(parameters))
@@ -148,7 +148,7 @@ def draw_scenario(
     Returns:
         The Matplotlib figure.
     """
-    figure, axes = grid(2, columns, (4.6, 3.8), below=0.9 if columns > 1 else 1.5)
+    figure, axes = figure_with_axes(2, columns, (4.6, 3.8), below=0.9 if columns > 1 else 1.5)
     birth, fold = families[_LIBRATING][-1], families[_STABLE][0]
     left, right = fold[0] - 0.12, families[_UNSTABLE][-1][0] + 0.05
 
@@ -223,7 +223,7 @@ def draw_scenario(
     "mark the speeds of the six scenes.",
     cost=8,
 )
-def scenario(audit: Audit, examined: Sequence[str]) -> Drawing:
+def scenario_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """Draw every family of limit cycles of the audited disk.
 
     Raises:

@@ -4,20 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from tippedisk_verify.audit.catalogue import claims_drawn_in
-from tippedisk_verify.figures import eigenvalues, family, inversion, race, state_space
+from tippedisk_verify.audit.claim_catalogue import claims_drawn_in
+from tippedisk_verify.figures import (
+    eigenvalue_figure,
+    family_figures,
+    inversion_figure,
+    race_figure,
+    state_space,
+)
 from tippedisk_verify.figures.exhibit import Exhibit
 
 __all__ = ["EXHIBITS", "exhibits_for"]
 
 EXHIBITS: tuple[Exhibit, ...] = (
-    inversion.inversion,
-    eigenvalues.eigenvalues,
-    family.branch,
-    state_space.scenes_3d,
-    family.scenario,
-    state_space.scenes_2d,
-    race.race,
+    inversion_figure.inversion_exhibit,
+    eigenvalue_figure.eigenvalue_exhibit,
+    family_figures.family_exhibit,
+    state_space.scenes_3d_exhibit,
+    family_figures.scenario_exhibit,
+    state_space.scenes_2d_exhibit,
+    race_figure.race_exhibit,
 )
 
 

@@ -54,15 +54,15 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     ManifoldGraph,
     SaddleCoordinates,
     abs_upper,
-    leaving,
     off_diagonal_sums,
+    show_departure,
 )
-from tippedisk_verify.proofs.kernel.flow import Path
+from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
     ChoiceSearch,
     Proof,
-    Stopped,
+    SearchStopped,
     certificate_claim,
     parameter_texts,
 )
@@ -79,14 +79,14 @@ __all__ = [
     "smallest_weights",
 ]
 
-MAX_DIGITS = 300  # half an hour; the time grows like the power 2.5 of the digits
+MAX_DIGITS = 300  #: half an hour; the time grows like the power 2.5 of the digits
 _GUARD_BITS = 56  # some 10 digits for the passage, and a few lost by divisions
 _MAX_FLIGHT = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
 _MAX_PASSES = 3
 _MAX_DOUBLINGS = 12  # doublings of a guessed weight before it is given up
-#: rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
-#: unique.
+# rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
+# unique.
 _BOX_EXTENTS = tuple(map(Fraction, ("0.02", "0.01", "0.005", "0.002", "0.001")))
 # An interval for fewer digits is too wide to be followed past a saddle. A law with two sides takes
 # one digit more, because an orbit's enclosure widens at each sliding reversal.
@@ -101,7 +101,7 @@ class ConnectionStatus(Enum):
     PROVED = "proved"
     NO_SADDLE = "there is no connection of saddles to prove"
     UNSTABLE_BRANCH = (
-        "the unstable branch could not be enclosed at the first saddle: ask for more digits"
+        "the unstable manifold could not be enclosed at the first saddle: ask for more digits"
     )
     FLOW = "the flight between the saddles could not be enclosed: ask for more digits"
     NOT_NEAR = "the branch does not come near the second saddle: try another speed"
@@ -365,7 +365,7 @@ class _ConnectionSearch(ChoiceSearch):
     It belongs to one interval of speeds and one working precision.
     """
 
-    #: The status of a failure, by the choice made last
+    # The status of a failure, by the choice made last
     _STAGES: ClassVar = {
         "unstable": ConnectionStatus.UNSTABLE_BRANCH,
         "cone": ConnectionStatus.UNSTABLE_BRANCH,
@@ -393,7 +393,7 @@ class _ConnectionSearch(ChoiceSearch):
 
         ``fault`` is the error by which the kernel or the search gave up.
         """
-        if isinstance(fault, Stopped):
+        if isinstance(fault, SearchStopped):
             return ConnectionStatus(fault.status)
         return (
             ConnectionStatus.SIDES
@@ -438,7 +438,7 @@ class _ConnectionSearch(ChoiceSearch):
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
-                leaving(curve, theta, k, defect)
+                show_departure(curve, theta, k, defect)
             except Unproved:
                 continue
             break
@@ -454,7 +454,7 @@ class _ConnectionSearch(ChoiceSearch):
         beta, gamma, _ = path.box
         # gamma falls, or has passed the saddle
         if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
-            raise Stopped(ConnectionStatus.NOT_NEAR)
+            raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
             abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
         )

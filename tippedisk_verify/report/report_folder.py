@@ -10,7 +10,7 @@ from typing import Any
 
 from tippedisk_verify.files import write_bytes, write_csv, write_text
 from tippedisk_verify.report.pages import html_page, markdown_page
-from tippedisk_verify.report.results import Findings
+from tippedisk_verify.report.results_json import Findings
 
 __all__ = ["write_report"]
 
@@ -29,8 +29,8 @@ def write_report(
         folder: The output folder.
         results: The content of results.json.
         findings: The claims with their findings, in the order of ``results["claims"]``.
-        figures: The figures, as `figures.exhibit.drawn` returns them.
-        formulas: The formulas, as `formulas_drawn` returns them.
+        figures: The figures, as `figures.exhibit.draw_exhibit` returns them.
+        formulas: The formulas, as `draw_formulas` returns them.
 
     Raises:
         InputError: If a file cannot be written.
