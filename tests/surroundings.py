@@ -111,7 +111,9 @@ def _framed(result: Any) -> str:
 
 
 def _asked(result: Any, *questions: str | Callable[[Any], Any]) -> list[Any]:
-    """Ask a new result for attributes by name, which are called if they are methods, and by function."""
+    """Ask a new result for attributes by name, which are called if they are methods, and by
+    function.
+    """
     answers = []
     for question in questions:
         answer = getattr(result, question) if isinstance(question, str) else question(result)
@@ -133,8 +135,8 @@ COMMANDS = (
 )
 #: The properties of each engine.
 _ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.ScipyEngine: ("name",)}
-#: A call of each, or of several by their names. What a result can be asked is asked of a new one, so
-#: that nothing was computed before.
+#: A call of each, or of several by their names. What a result can be asked is asked of a new one,
+#: so that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
     "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
     "spectral_cycle": lambda: tv.spectral_cycle(DISK, "30.4"),

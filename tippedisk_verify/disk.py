@@ -57,8 +57,8 @@ class Disk(Parameters):
     ``Disk("table1", mu="0.4")`` is the same disk with another mu, named ``custom``.
     ``Disk(r="0.045", ...)`` is a disk of your own: eight numbers r, e, m, A, B, g, mu, epsilon
     [SI], as decimal strings or other exact numbers. C enters no equation; it may be given or left
-    out (None). ``friction`` is linear, smooth or a law of your own. A disk is a `Parameters` and can
-    be used wherever those can.
+    out (None). ``friction`` is linear, smooth or a law of your own. A disk is a `Parameters` and
+    can be used wherever those can.
 
     In all methods, speeds are in rad/s, angles in rad and times in s. ``engine`` is the integrator,
     the Taylor integrator if left out. ``digits`` is the number of significant digits of each main

@@ -102,7 +102,8 @@ class _Period:
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
         aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
         #: The end minus the start; for a rotating cycle, gamma is first reduced by a turn. The
-        #: matrix has its derivatives with respect to the free angle, v at the start, and the period.
+        #: matrix has its derivatives with respect to the free angle, v at the start, and the
+        #: period.
         self.away = [mpf(end - number(aim)) for end, aim in zip(state, aims, strict=True)]
         axes = (0, 2) if rotating else (1, 2)
         self.bordered = [

@@ -80,7 +80,8 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
         (cycle,) = known.rotating_at(Fraction(omega), stable=stable).cycles()
         (place,) = family.followed_guesses(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
-        # A place on a family is a start for shooting, with some digits; another cycle is off by 1e-2.
+        # A place on a family is a start for shooting, with some digits; another cycle is off by
+        # 1e-2.
         assert numpy.abs(numpy.subtract(place.start, top)).max() < 1e-6
         run = Request(
             disk,

@@ -178,8 +178,8 @@ def test_no_file_is_unpickled_or_evaluated() -> None:
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             names += [node.module or ""] if isinstance(node, ast.ImportFrom) else []
             found |= {(path.name, name.split(".")[0]) for name in names}
-    # A cluster's workers are sent pickles; here only Dask itself reads what they answer. The text of
-    # a problem's equations is written by the package, with numbers that are doubles.
+    # A cluster's workers are sent pickles; here only Dask itself reads what they answer. The text
+    # of a problem's equations is written by the package, with numbers that are doubles.
     assert {one for one in found if one[1] in forbidden} == {
         ("workers.py", "pickle"),
         ("problems.py", "exec"),

@@ -254,7 +254,8 @@ class Audit(Printable):
         )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """Return the limit cycles of a set that `cycles.branch.librating_branch` finds at its default speeds.
+        """Return the limit cycles of a set that `cycles.branch.librating_branch` finds at its
+        default speeds.
 
         Args:
             name: The set's name.

@@ -63,8 +63,8 @@ class Score(Printable):
     family: str
     setting: str
     status: str  #: "reached", or the reason why it was not
-    #: largest over the components at the ends of runs of three lengths [rad, rad/s], or the error of
-    #: a cycle's number (``error_of``)
+    #: largest over the components at the ends of runs of three lengths [rad, rad/s], or the error
+    #: of a cycle's number (``error_of``)
     error: float | None
     #: of the states at the samples, with the method's own interpolation: the largest [rad, rad/s]
     error_over_samples: float | None

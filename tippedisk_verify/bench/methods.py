@@ -150,8 +150,8 @@ def _bare(problem: Problem, name: str) -> Prepared:
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
-    """Return the heyoka module, the symbols of (beta, gamma, v), and the value of ``formula`` at these
-    symbols.
+    """Return the heyoka module, the symbols of (beta, gamma, v), and the value of ``formula`` at
+    these symbols.
 
     Args:
         problem: The problem, with the constants and the speed.

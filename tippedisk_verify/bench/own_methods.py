@@ -1,5 +1,5 @@
-"""Integrators of one's own as methods of a race: functions, the question that a program receives, and
-results measured elsewhere.
+"""Integrators of one's own as methods of a race: functions, the question that a program receives,
+and results measured elsewhere.
 """
 
 from __future__ import annotations

@@ -55,7 +55,8 @@ class Race(Printable):
         return "\n".join([head, *map(_line, self.scores), *filter(None, orders), *rows])
 
     def to_dataframe(self) -> Any:
-        """Return a pandas data frame with a row for each score and the fields of `Score` as columns.
+        """Return a pandas data frame with a row for each score and the fields of `Score` as
+        columns.
 
         Raises:
             InputError: If pandas is not installed.

@@ -1,8 +1,8 @@
 """True solutions of the race's problems, and the numbers in which a run is compared with them.
 
 A true solution is computed with 60 digits and compared with a run with 80, or in quadruple
-precision and compared with a run with 42. Its inputs are doubles, taken exactly, so no method in doubles is blamed
-for rounding them.
+precision and compared with a run with 42. Its inputs are doubles, taken exactly, so no method in
+doubles is blamed for rounding them.
 
 The error on a cycle
 --------------------
@@ -13,9 +13,9 @@ largest in between. An integrator is asked for its states at these moments only,
 that no interpolation is measured.
 
 Such a state lies a little before or after the crossing. The equations of motion take it there in a
-time delta. Newton's method solves cos(beta(delta)) = 0, or v(delta) = 0 for the amplitude. Its first
-step is the residual divided by its rate. Later ones follow the flow with the package's integrator,
-in the arithmetic of the true solution. The true states are treated alike. Then
+time delta. Newton's method solves cos(beta(delta)) = 0, or v(delta) = 0 for the amplitude. Its
+first step is the residual divided by its rate. Later ones follow the flow with the package's
+integrator, in the arithmetic of the true solution. The true states are treated alike. Then
 
 - the error of the period is the error of delta at the last crossing minus its error one return
   earlier;
@@ -159,8 +159,8 @@ def numbers_of(problem: Problem, states: Sequence[Any], precision: Precision) ->
         precision: The arithmetic of the corrections along the flow.
 
     Returns:
-        All components of the states [rad, rad/s]; the time of return minus the time between the stops [s];
-        gamma [rad] and v [rad/s] at the section; or the largest beta [rad].
+        All components of the states [rad, rad/s]; the time of return minus the time between the
+        stops [s]; gamma [rad] and v [rad/s] at the section; or the largest beta [rad].
 
     Raises:
         ArithmeticError: If an orbit's phase is off by more than half the spacing of the times.

@@ -234,8 +234,8 @@ certificate_option = click.option(
 def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Return a decorator that makes a command of a function.
 
-    The function takes an `OutputOptions` and the options declared below the decorator. Its result is
-    printed, unless it is an exit status.
+    The function takes an `OutputOptions` and the options declared below the decorator. Its result
+    is printed, unless it is an exit status.
 
     Args:
         help_text: The help of the command.
@@ -246,7 +246,8 @@ def command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
 def disk_command(help_text: str) -> Callable[[Callable[..., Any]], click.Command]:
     """Return a decorator that makes a command about one disk of a function.
 
-    The function takes a `DiskOptions` and the options declared below the decorator, as with `command`.
+    The function takes a `DiskOptions` and the options declared below the decorator, as with
+    `command`.
 
     Args:
         help_text: The help of the command.

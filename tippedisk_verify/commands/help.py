@@ -1,6 +1,7 @@
 """Additions to the commands' help: sections, quantities, and examples that tests run.
 
-The meaning of a quantity comes from the field of its class; the options are in the commands' modules.
+The meaning of a quantity comes from the field of its class; the options are in the commands'
+modules.
 """
 
 from __future__ import annotations

@@ -193,8 +193,8 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
     kinks, so the error there does not follow the tolerance: every sequence of steps has a different
     error. Each run at one of `_TOLERANCES` is a draw of that error. All of these are looser than
     the baseline's own tolerance. The half-width is the spread of the draws and the answer, times
-    `_SPREAD_FACTOR`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding that
-    the passage amplifies.
+    `_SPREAD_FACTOR`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding
+    that the passage amplifies.
     """
     values = [centre]
     for tolerance in _TOLERANCES:

@@ -123,8 +123,8 @@ class SplittingFunction:
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
-        # Longer series cost the cube of their order, and closer starts a longer flight. This balance
-        # was measured.
+        # Longer series cost the cube of their order, and closer starts a longer flight. This
+        # balance was measured.
         self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
@@ -283,8 +283,8 @@ class SplittingZero:
 
     @cached_property
     def derivative(self) -> Measured:
-        """The derivative with respect to Omega [s/rad] of u |s|^(-lambda_u / lambda_s), a measure of
-        the splitting that does not depend on the length of the flights.
+        """The derivative with respect to Omega [s/rad] of u |s|^(-lambda_u / lambda_s), a measure
+        of the splitting that does not depend on the length of the flights.
 
         It is a central difference. Its half-width comes from the change under another step and
         another distance from the saddles.
@@ -380,8 +380,8 @@ def unmeasured_zero(
 def _root(
     parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]
 ) -> tuple[SplittingFunction, Fraction, _Slope]:
-    """Find the zero of the splitting by Newton's method, from ``guess`` through ``stages`` of growing
-    precision.
+    """Find the zero of the splitting by Newton's method, from ``guess`` through ``stages`` of
+    growing precision.
 
     Returns:
         The splitting function of the last stage, its zero [rad/s], and its slope there.

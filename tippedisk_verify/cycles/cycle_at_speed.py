@@ -1,6 +1,7 @@
 """The cycle that a user asks for at a speed: `Disk.limit_cycle` and `Disk.rotating_cycle`.
 
-Most are found by shooting from a law. The others need the disk's families, which `locator_of` keeps.
+Most are found by shooting from a law. The others need the disk's families, which `locator_of`
+keeps.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
 
-`saddle_passages` has the maps. This module chooses their sections, series and flights, and the number
-of speeds that they are interpolated from (`_CHOICE`). Half-widths follow from the differences to
-coarser choices, which round some four times as much. If the digits are not reached, or the maps do
-not exist, `cycles_by_whole_flights` follows the flow itself.
+`saddle_passages` has the maps. This module chooses their sections, series and flights, and the
+number of speeds that they are interpolated from (`_CHOICE`). Half-widths follow from the
+differences to coarser choices, which round some four times as much. If the digits are not reached,
+or the maps do not exist, `cycles_by_whole_flights` follows the flow itself.
 """
 
 from __future__ import annotations

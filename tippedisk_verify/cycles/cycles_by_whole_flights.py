@@ -110,7 +110,8 @@ def fixed_point_near(
     *,
     digits: int,
 ) -> FixedPoint[C]:
-    """Solve for the cycle of `cycle_near_omega_h` in one arithmetic, without a measure of its error.
+    """Solve for the cycle of `cycle_near_omega_h` in one arithmetic, without a measure of its
+    error.
 
     Args:
         section, parameters, omega, omega_h, engine: As for `cycle_near_omega_h`.

@@ -82,7 +82,8 @@ class NearHeteroclinic(Printable):
         """Return a pandas data frame with a row for each distance, as `heteroclinic --near` writes
         them.
 
-        Numbers are rounded to doubles; their half-widths, in NAME_uncertainty, include the rounding.
+        Numbers are rounded to doubles; their half-widths, in NAME_uncertainty, include the
+        rounding.
 
         Raises:
             InputError: If pandas is not installed.

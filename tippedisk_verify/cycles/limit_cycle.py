@@ -241,8 +241,9 @@ class Cycle(Printable):
     def save(self, path: str | PathLike[str]) -> Path:
         """Write the cycle as JSON in which every number is exact; `tippedisk_verify.load` reads it.
 
-        The file is described in `tippedisk_verify.model.result_format`. The loaded cycle equals this one and
-        can do the same. Next to Omega_h its monodromy matrix comes from flights and takes longer.
+        The file is described in `tippedisk_verify.model.result_format`. The loaded cycle equals
+        this one and can do the same. Next to Omega_h its monodromy matrix comes from flights and
+        takes longer.
 
         Args:
             path: The file; its name ends in ".json".

@@ -292,7 +292,8 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:
-    """Yield the values with one of them moved at a time, by `_MOVE_FACTOR` times its entry of ``moves``.
+    """Yield the values with one of them moved at a time, by `_MOVE_FACTOR` times its entry of
+    ``moves``.
 
     Values whose entry is 0 are not moved.
     """

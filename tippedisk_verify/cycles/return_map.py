@@ -1,9 +1,9 @@
 """The return map of a section with its derivatives, and the Newton steps that follow from them.
 
 The unknowns are the section's two coordinates and Omega. Two equations close the orbit: the map P
-returns to the start. A third equation holds the speed, the first coordinate or the flight time fixed.
-Let r_1, r_2 be the rows of (P' - 1 | dP/dOmega), c the row of the third equation, and g the change
-required of the fixed quantity. The step is
+returns to the start. A third equation holds the speed, the first coordinate or the flight time
+fixed. Let r_1, r_2 be the rows of (P' - 1 | dP/dOmega), c the row of the third equation, and g the
+change required of the fixed quantity. The step is
 
     (a r_2 x c + b c x r_1 + g r_1 x r_2) / (c . r_1 x r_2),      (a, b) = -residual.
 

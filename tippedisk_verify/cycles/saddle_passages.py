@@ -45,8 +45,8 @@ from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 # The starts of flights off the unstable manifold, in units of the largest sigma.
 _START_SIGMAS = (-1.0, -0.5, 0.5, 1.0)
-# The speeds of those flights, in units of their reach. Five serve saddle values near zero better, but
-# lose digits at the largest distances, which lie outside the reach.
+# The speeds of those flights, in units of their reach. Five serve saddle values near zero better,
+# but lose digits at the largest distances, which lie outside the reach.
 _OFF_MANIFOLD_SPEEDS = (-1.0, 0.0, 1.0)
 _MAX_FLIGHT = 30.0  # s, the longest flight
 _MAX_FAST = 2.0**-22  # the largest fast coordinate at which the flight may end

@@ -48,8 +48,8 @@ __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
 # Weights of the differences q(k h) - q(-k h), k = 1, 2, ..., of a central difference over h.
 _FOUR_FLIGHTS = (Fraction(2, 3), Fraction(-1, 12))
 _TWO_FLIGHTS = (Fraction(1, 2),)
-# Bits by which a step is shorter than the root of the rounding. Higher derivatives matter at about a
-# tenth of the step that the first derivatives suggest.
+# Bits by which a step is shorter than the root of the rounding. Higher derivatives matter at about
+# a tenth of the step that the first derivatives suggest.
 _STEP_BITS = 4
 _MIN_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
 _MIN_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes

@@ -1,5 +1,5 @@
-"""The picture of the basins of attraction in a plane of states, with its colours, and the curves that
-separate them. `motion.basins` has the grid of starts.
+"""The picture of the basins of attraction in a plane of states, with its colours, and the curves
+that separate them. `motion.basins` has the grid of starts.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
-"""The contract between the users of trajectories and the engines that compute them: requests, results,
-events, and statuses with their messages.
+"""The contract between the users of trajectories and the engines that compute them: requests,
+results, events, and statuses with their messages.
 
-The events that the package knows by name are here: crossings of a section, turns, sliding reversals,
-and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is built or computed that the
-request does not name. Engines are callables ``engine(request) -> Result``. `taylor` and
-`scipy_engine` each provide one kind.
+The events that the package knows by name are here: crossings of a section, turns, sliding
+reversals, and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is
+built or computed that the request does not name. Engines are callables ``engine(request) ->
+Result``. `taylor` and `scipy_engine` each provide one kind.
 """
 
 from __future__ import annotations

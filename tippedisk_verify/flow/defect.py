@@ -288,7 +288,8 @@ class Defect:
         return (self._steps * gained).reshape(count, 3, columns)
 
     def _rates_of(self, errors: Any, gained: Any) -> Any:
-        """Return the rates (n, nodes, 3) at the nodes of errors that begin each step with ``errors``.
+        """Return the rates (n, nodes, 3) at the nodes of errors that begin each step with
+        ``errors``.
 
         ``gained`` holds the rates of errors that begin with zero.
         """

@@ -73,8 +73,8 @@ class _Limits(NamedTuple):
     three_node_max_decay: float = 7.0
     #: For three nodes: each rate of growth times the step is below this.
     three_node_max_growth: float = 1.0
-    #: For three nodes: the last terms of the step's polynomials are below this, as a fraction of the
-    #: state.
+    #: For three nodes: the last terms of the step's polynomials are below this, as a fraction of
+    #: the state.
     three_node_max_last_term: float = 2.0**-55
     #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
     #: Where errors grow, the smaller number of nodes decides: over a step in which errors grow by
@@ -88,8 +88,8 @@ class _Limits(NamedTuple):
     #: The number of sweeps for the second order of an error. Each gains as many digits as the error
     #: has below 1.
     max_sweeps: int = 4
-    #: The rounding of errors that are kept in doubles, as a fraction of an error. At least this part of
-    #: a carried rounding is left.
+    #: The rounding of errors that are kept in doubles, as a fraction of an error. At least this
+    #: part of a carried rounding is left.
     double_rounding: float = 2.0**-48
     #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
     max_matrix_bytes: int = 2**29

@@ -2,8 +2,8 @@
 
 It works in double precision and with every friction law. A run without a tolerance of its own has
 `_DEFAULT_TOLERANCE`. A race has the tolerances of `bench.methods`. Under a law with two sides it
-keeps its correctness and loses only order, because the field is once continuously differentiable and
-no more. Implicit methods and derivatives use the Jacobian of `model.equations`.
+keeps its correctness and loses only order, because the field is once continuously differentiable
+and no more. Implicit methods and derivatives use the Jacobian of `model.equations`.
 """
 
 from __future__ import annotations
@@ -253,8 +253,8 @@ def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
 
 
 def _with_variations(request: Request, start: Start) -> Callable[[float, Any], Any]:
-    """Return a function of (t, y) that gives the rates of the flow and of its first-order variations,
-    Y' = (df/dx) Y + df/dp.
+    """Return a function of (t, y) that gives the rates of the flow and of its first-order
+    variations, Y' = (df/dx) Y + df/dp.
 
     The derivatives come from an imaginary step along each of the variations.
     """

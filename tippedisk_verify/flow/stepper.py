@@ -60,8 +60,8 @@ class Series:
         Args:
             precision: The arithmetic.
             start: The time of the start [s].
-            steps: For each step the time of its end [s] and its polynomials (k, order + 1), those of
-                the state first.
+            steps: For each step the time of its end [s] and its polynomials (k, order + 1), those
+                of the state first.
         """
         element = object if precision.kind == "real" else precision.type
         self._precision = precision

@@ -46,8 +46,8 @@ class Taylor:
     Args:
         high_accuracy: Compensate the summation of the series. Over tens of seconds it changes the
             error little here, because the rounding of the inputs dominates.
-        fast_math: Let the compiler reorder sums. In double this saves a tenth of the run time with 4
-            SIMD lanes and a fifth with 8, but last digits then depend on the processor.
+        fast_math: Let the compiler reorder sums. In double this saves a tenth of the run time with
+            4 SIMD lanes and a fifth with 8, but last digits then depend on the processor.
         compact: Override the measured choice between unrolled code (double: half the run time) and
             loops (above double, where unrolled code would take minutes to compile).
 

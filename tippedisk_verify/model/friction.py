@@ -62,8 +62,9 @@ class FrictionLaw:
     positive gamma_y. It is one expression for every kind of number: floats, arrays, expressions of
     heyoka, numbers of mpmath.
 
-    - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of ``gamma_y`` and
-      ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a double.
+    - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of
+      ``gamma_y`` and ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a
+      double.
     - ``c`` has the parameters m, g, mu and epsilon, and pi.
     - A decimal such as 0.3 is rounded to the nearest double. ``3 * gamma_y / 10`` is exact.
     - The force is one formula, without conditions and absolute values. It must not depend on
@@ -143,11 +144,11 @@ class FrictionLaw:
     def guard(self, ops: Any, gamma_y: Any, c: Any) -> Any:
         """Return the rate of a variable that shows an integrator where the law bends.
 
-        A law such as the hyperbolic tangent is constant to rounding at large sliding velocities. Its
-        Taylor series there do not show that it bends at zero, and a long step would pass the bend.
-        The series of this rate, ln(1 + x^2) with x = k gamma_y / (mu g), show it from any distance:
-        they keep a step below a third of the distance. The variable is far smaller than the state
-        even in a slow motion, so that it does not loosen the integrator's tolerance.
+        A law such as the hyperbolic tangent is constant to rounding at large sliding velocities.
+        Its Taylor series there do not show that it bends at zero, and a long step would pass the
+        bend. The series of this rate, ln(1 + x^2) with x = k gamma_y / (mu g), show it from any
+        distance: they keep a step below a third of the distance. The variable is far smaller than
+        the state even in a slow motion, so that it does not loosen the integrator's tolerance.
 
         Args:
             ops: The functions of the kind of number.

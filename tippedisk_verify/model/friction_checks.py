@@ -22,15 +22,15 @@ _SLOPE_TOLERANCE = 2.0**-128  # relative; half of the check's bits are left to t
 _WIDE_SLACK = 2.0**-80
 # The sliding velocities of the scan for narrow features, in units of mu g / k, where the law bends.
 _SCAN_RANGE = (1e-3, 300.0)
-# The scan fits a Chebyshev polynomial of this degree to the force on intervals of ln(gamma_y) of this
-# length, and compares the two at this number of further places.
+# The scan fits a Chebyshev polynomial of this degree to the force on intervals of ln(gamma_y) of
+# this length, and compares the two at this number of further places.
 _DEGREE, _LENGTH, _PLACES = 24, 0.3, 3000
-# The largest distance from the polynomial, relative to the largest force. A step like tanh whose width
-# is w of the velocity has its poles at pi w / 2 in ln(gamma_y). Its distance is rho^-24 of its height,
-# with rho = d + sqrt(1 + d^2) and d = pi w / 0.3. A step as high as the force has this distance at
-# w = 1/6. A Gaussian bump has it at a width of 1/12, and one of a millionth of the height at 1/22. Taylor
-# series in double show these from farther away than the third of the velocity that the guard allows a
-# step: the steps from 18 widths, the bumps from 8.
+# The largest distance from the polynomial, relative to the largest force. A step like tanh whose
+# width is w of the velocity has its poles at pi w / 2 in ln(gamma_y). Its distance is rho^-24 of
+# its height, with rho = d + sqrt(1 + d^2) and d = pi w / 0.3. A step as high as the force has this
+# distance at w = 1/6. A Gaussian bump has it at a width of 1/12, and one of a millionth of the
+# height at 1/22. Taylor series in double show these from farther away than the third of the
+# velocity that the guard allows a step: the steps from 18 widths, the bumps from 8.
 _MAX_MISFIT = 1e-13
 
 

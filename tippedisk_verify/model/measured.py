@@ -1,7 +1,7 @@
 """A number with its half-width: its arithmetic, comparison, and the digits that are printed.
 
-The half-width still holds the truth after numbers are printed, compared or combined. `HALF_WIDTH_FACTOR` is
-the factor from a distance between two runs to a half-width.
+The half-width still holds the truth after numbers are printed, compared or combined.
+`HALF_WIDTH_FACTOR` is the factor from a distance between two runs to a half-width.
 """
 
 from __future__ import annotations

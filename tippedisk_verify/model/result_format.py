@@ -2,8 +2,8 @@
 
 A file is one object with these keys:
 
-- ``format`` is `RESULT_FORMAT`, ``kind`` the class of the result, and ``tippedisk_verify`` the version of
-  the package that wrote it.
+- ``format`` is `RESULT_FORMAT`, ``kind`` the class of the result, and ``tippedisk_verify`` the
+  version of the package that wrote it.
 - ``disk`` has the parameters [SI], the name and the friction law.
 - The other keys are the result's own.
 
@@ -12,9 +12,9 @@ floating-point numbers have all their digits. A number with a half-width is an o
 and ``uncertainty``. A half-width that was not measured is "infinite". A time that contains pi is an
 object with ``rational`` and ``pi``, the multiple of pi.
 
-An array of a solution is an object with ``arithmetic``, such as "double", "extended", "quadruple" or
-"real200", and with ``numbers``, in lists of the array's shape. The numbers of ``t`` are the exact
-times, which the array rounds to this arithmetic.
+An array of a solution is an object with ``arithmetic``, such as "double", "extended", "quadruple"
+or "real200", and with ``numbers``, in lists of the array's shape. The numbers of ``t`` are the
+exact times, which the array rounds to this arithmetic.
 """
 
 from __future__ import annotations

@@ -214,11 +214,12 @@ class Solution(Printable):
         return axes[-1].figure
 
     def save(self, path: str | PathLike[str]) -> Path:
-        """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads it.
+        """Write the solution as JSON in which every number is exact; `tippedisk_verify.load` reads
+        it.
 
-        The file is described in `tippedisk_verify.model.result_format`. Its keys are the attributes' names;
-        ``t`` has the exact times. A loaded solution has its samples, events and derivatives, but no
-        continuous output: ``solution(t)`` is refused.
+        The file is described in `tippedisk_verify.model.result_format`. Its keys are the
+        attributes' names; ``t`` has the exact times. A loaded solution has its samples, events and
+        derivatives, but no continuous output: ``solution(t)`` is refused.
 
         Args:
             path: The file; its name ends in ".json".
@@ -235,7 +236,8 @@ class Solution(Printable):
         return save_solution(self, path)
 
     def to_dataframe(self) -> Any:
-        """Return a pandas data frame of the samples, with the columns that `integrate --out` writes.
+        """Return a pandas data frame of the samples, with the columns that `integrate --out`
+        writes.
 
         They are ``t``, the rows of ``y`` as beta, gamma and v, and those of ``uncertainty`` as
         beta_uncertainty and so on.

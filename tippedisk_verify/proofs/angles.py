@@ -2,9 +2,9 @@
 equilibrium exactly.
 
 At an equilibrium the angles are odd multiples of pi/2. No ball is exactly such a multiple, but
-their sines and cosines are 0 and +-1. `QuarterTurnAngle(n, offset)` is the angle n pi/2 + offset. `OPS` gives
-its sine and cosine from those of the offset, which is a ball, a series of balls, or None for no
-offset. With None the results of `model.equations` for exact numbers are exact.
+their sines and cosines are 0 and +-1. `QuarterTurnAngle(n, offset)` is the angle n pi/2 + offset.
+`OPS` gives its sine and cosine from those of the offset, which is a ball, a series of balls, or
+None for no offset. With None the results of `model.equations` for exact numbers are exact.
 """
 
 from __future__ import annotations

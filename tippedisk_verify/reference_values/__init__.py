@@ -4,11 +4,12 @@
 - `lookup` finds a value by its id. `export` writes values in other formats.
 - `questions` defines questions. `truths` computes their answers.
 - `draws` and `fresh` make new questions from a seed. `checking` computes published values again.
-- `grading_rules` has the digits required at each level, the scale of an error, and the columns of sheets.
+- `grading_rules` has the digits required at each level, the scale of an error, and the columns of
+  sheets.
 
-An *item* is a question, such as a state or a cycle. A *case* is an item whose numbers are read in one
-way, as decimals or as doubles. A *reference value* is one number that an item asks for, and a *row*
-is its line in values.csv.
+An *item* is a question, such as a state or a cycle. A *case* is an item whose numbers are read in
+one way, as decimals or as doubles. A *reference value* is one number that an item asks for, and a
+*row* is its line in values.csv.
 
 `reference_data/make` in a source checkout makes the published values.
 """

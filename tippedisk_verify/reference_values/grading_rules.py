@@ -1,5 +1,5 @@
-"""The rules of grading: the digits required at each level, the scale of an error, and the columns of
-sheets and of values.csv.
+"""The rules of grading: the digits required at each level, the scale of an error, and the columns
+of sheets and of values.csv.
 
 The row holds everything that grading takes from the data, so a program in any language can grade a
 sheet from this one table.
@@ -161,9 +161,9 @@ def slopes_of(reference_value: ReferenceValue) -> Decimal:
 def digits_needed(reference_value: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 
-    It is the level's number, or less if a change of the inputs by `ALLOWED_INPUT_CHANGE` spoils more digits.
-    If doubles cannot tell the inputs apart, only programs with more digits are asked, and they need
-    the level's number.
+    It is the level's number, or less if a change of the inputs by `ALLOWED_INPUT_CHANGE` spoils
+    more digits. If doubles cannot tell the inputs apart, only programs with more digits are asked,
+    and they need the level's number.
     """
     digits = float(DIGITS_REQUIRED[reference_value.level])
     scale = scale_of(reference_value, Decimal(reference_value.values["decimals"][0]))

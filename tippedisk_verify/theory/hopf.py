@@ -21,14 +21,15 @@ W is the square of the ratio of the cycle's frequency to Omega_crit, and f measu
 with harmonics 1 and 3. Friction enters through the third harmonic, of order a^3. Tests solve the
 invariance equation of the full equations as well.
 
-**The friction law.** All formulas hold for every law that is analytic at gamma_y = 0, and depend on it
-only through its slope there. On the critical mode omega^2 = W Omega^2 = e Omega^2 / (r + e), so
+**The friction law.** All formulas hold for every law that is analytic at gamma_y = 0, and depend on
+it only through its slope there. On the critical mode omega^2 = W Omega^2 = e Omega^2 / (r + e), so
 
     gamma_y = (r + e) v + e Omega gamma_bar
 
-vanishes to first order. By the point symmetry it is of order a^3 on a cycle, and a cubic term of the
-law is of order a^9. This is also why Omega_crit does not depend on friction. Under a law with two
-sides the field is only once continuously differentiable, so it has no first Lyapunov coefficient.
+vanishes to first order. By the point symmetry it is of order a^3 on a cycle, and a cubic term of
+the law is of order a^9. This is also why Omega_crit does not depend on friction. Under a law with
+two sides the field is only once continuously differentiable, so it has no first Lyapunov
+coefficient.
 """
 
 from __future__ import annotations

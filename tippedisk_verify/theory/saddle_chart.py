@@ -11,8 +11,9 @@ degrees, by the divisors a lambda_u + b lambda_s + c lambda_f less an eigenvalue
 belong to high bands, whose monomials are tiny. Where the monomials are not tiny, two truncations
 differ.
 
-A law with two sides has one chart for either sign of gamma_y. The point symmetry takes one to the other.
-The charts of a disk at several speeds are computed at once, and depend on the speed as polynomials.
+A law with two sides has one chart for either sign of gamma_y. The point symmetry takes one to the
+other. The charts of a disk at several speeds are computed at once, and depend on the speed as
+polynomials.
 """
 
 from __future__ import annotations

@@ -15,8 +15,8 @@ L(s) with L the fast direction carried along the curve:
 
 The remainder is of order t^2.
 
-**Laws with two sides.** Such a law is analytic on either side of gamma_y = 0, and each curve leaves the
-saddle on one side. The branch of that side gives the curve there, with even powers too. The
+**Laws with two sides.** Such a law is analytic on either side of gamma_y = 0, and each curve leaves
+the saddle on one side. The branch of that side gives the curve there, with even powers too. The
 unstable curve is used for s > 0, where gamma grows. The stable curve is used for s < 0, where an
 orbit with growing gamma arrives.
 

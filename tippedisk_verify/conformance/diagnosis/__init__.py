@@ -60,8 +60,8 @@ from tippedisk_verify.reference_values.store import Store, is_optional
 __all__ = ["Diagnosis", "diagnose"]
 
 _BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
-# A quantity only lacks its last digits if the median and the maximum of its relative errors are below
-# the first two numbers, and the share of its answers that fail is above the third.
+# A quantity only lacks its last digits if the median and the maximum of its relative errors are
+# below the first two numbers, and the share of its answers that fail is above the third.
 _LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
 _EXACT = 1e-15  # relative error up to which no digit is lost
 # The factor on the allowed error of a program on the slow manifold. It differentiates five times,
@@ -175,8 +175,8 @@ class _LevelwiseDiagnosis:
     explain.
 
     Args:
-        tables: The graded answers. Their masks ``unexplained`` of unexplained answers are changed in
-            place.
+        tables: The graded answers. Their masks ``unexplained`` of unexplained answers are changed
+            in place.
         store: The questions with their truths.
         advance: A function that is called with a label and a number of steps.
     """

@@ -2,8 +2,8 @@
 
 A *problem* has the answers to one quantity, and an identity that is linear in the terms of the
 quantity's definition. `regression` searches for changes by such identities. `PREDICTED` has the
-formulas by which a program with known mistakes would answer. An answer that one of them gives counts
-as explained.
+formulas by which a program with known mistakes would answer. An answer that one of them gives
+counts as explained.
 """
 
 from __future__ import annotations

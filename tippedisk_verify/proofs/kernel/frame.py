@@ -38,8 +38,8 @@ class Frame:
 
     It also holds their derivatives (3, 4) with respect to the start's three coordinates and Omega.
 
-    In a set over a curve (`half_map_of_curves`), middle and lead are jets, and the deviations differ. Its
-    ``own`` is the part of ``rest`` that belongs to the middle's own orbits.
+    In a set over a curve (`half_map_of_curves`), middle and lead are jets, and the deviations
+    differ. Its ``own`` is the part of ``rest`` that belongs to the middle's own orbits.
     """
 
     __slots__ = ("axes", "columns", "deviation", "lead", "middle", "own", "rest", "spread")

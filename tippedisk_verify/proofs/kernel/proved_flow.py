@@ -68,8 +68,8 @@ class StepProposer(Protocol):
     def step(self, path: Path, longest: Any) -> Step | None:
         """Return the next step of the path, of at most ``longest`` seconds, or None to give up.
 
-        The step is made by a `Trial` of the path. The flight asks again, for a shorter step, if it cannot
-        use this one.
+        The step is made by a `Trial` of the path. The flight asks again, for a shorter step, if it
+        cannot use this one.
         """
 
     def beyond(self) -> StepProposer:

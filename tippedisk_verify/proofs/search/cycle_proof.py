@@ -74,7 +74,8 @@ class CycleStatus(Enum):
 
 @dataclass(frozen=True, repr=False)
 class CycleProof(Proof):
-    """The proof of one limit cycle, librating (section `LIBRATING_SECTION`) or rotating (section `ROTATING_SECTION`).
+    """The proof of one limit cycle, librating (section `LIBRATING_SECTION`) or rotating (section
+    `ROTATING_SECTION`).
 
     The numbers have the same names as in `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
@@ -180,10 +181,10 @@ def prove_cycle(
 ) -> CycleProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
-    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `ROTATING_SECTION`, (beta_bar, v) at gamma =
-    pi/2, of a few digits or more. Period, state and beta_max are enclosed to ``digits`` significant
-    digits, the others to about as many. ``most_bits`` bounds the working precision. Raises
-    InputError for a guess or speed out of range. Any other failure is a status.
+    The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `ROTATING_SECTION`, (beta_bar,
+    v) at gamma = pi/2, of a few digits or more. Period, state and beta_max are enclosed to
+    ``digits`` significant digits, the others to about as many. ``most_bits`` bounds the working
+    precision. Raises InputError for a guess or speed out of range. Any other failure is a status.
     """
     attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
     if len(guess) != 2:

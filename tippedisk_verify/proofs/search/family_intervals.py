@@ -2,7 +2,8 @@
 
 An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
 part of it. At the Hopf point only the lower half is tried; the rest belongs to the intervals after
-it. If an interval is given up, nothing beyond it is useful, because the curve has to begin at the Hopf point.
+it. If an interval is given up, nothing beyond it is useful, because the curve has to begin at the
+Hopf point.
 
 Where a ball becomes a point or a float: intervals and guesses are chosen, and no proof depends on
 them.

@@ -179,8 +179,8 @@ class FamilyProof(Proof):
     def to_dict(self) -> dict[str, object]:
         """Return this proof as a dictionary for the command line: its statement, numbers and arcs.
 
-        The entry ``ends`` has two parts, one for each end of the family. Each part states whether that
-        end of the range of speeds is reached and, if it is not, the reason.
+        The entry ``ends`` has two parts, one for each end of the family. Each part states whether
+        that end of the range of speeds is reached and, if it is not, the reason.
         """
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {

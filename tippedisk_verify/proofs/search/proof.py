@@ -1,5 +1,5 @@
-"""The result of a search for a proof, and its certificate as a file: a claim, the choices with which
-the kernel proved it, and a digest.
+"""The result of a search for a proof, and its certificate as a file: a claim, the choices with
+which the kernel proved it, and a digest.
 """
 
 from __future__ import annotations

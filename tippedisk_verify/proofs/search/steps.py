@@ -1,8 +1,8 @@
 """The search for steps: lengths and orders that the kernel's test is likely to pass, and axes, with
 a log.
 
-A `FlightStepSearch` object proposes the steps of one flight. Its ``log`` lists the steps taken, in the form in
-which `kernel.krawczyk` reads them from a certificate.
+A `FlightStepSearch` object proposes the steps of one flight. Its ``log`` lists the steps taken, in
+the form in which `kernel.krawczyk` reads them from a certificate.
 
 Axes for sets of states are nearly orthogonal, the first along the largest direction (Lohner's QR
 method). Velocities are divided by the stiffness [1/s] of d(v')/dv before angles and lengths are
@@ -52,7 +52,8 @@ class FlightStepSearch:
         """Return a new search, for the part of a step after the sliding velocity has changed its
         sign.
 
-        The new search's log is not used: `step_taken` logs both parts of such a step in this object.
+        The new search's log is not used: `step_taken` logs both parts of such a step in this
+        object.
         """
         return FlightStepSearch()
 
