@@ -1,4 +1,4 @@
-"""Engines against each other and against more bits; the refusals and statuses of the baseline."""
+"""Engines against each other and against more bits; the refusals and statuses of the SciPy engines."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_more_bits_give_more_digits(taylor: Taylor) -> None:
 
 @pytest.mark.parametrize("method", SCIPY_METHODS)
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_baselines_agree_with_each_other(method: str, friction) -> None:
+def test_scipy_engines_agree_with_each_other(method: str, friction) -> None:
     disk = PRINTED.with_friction(friction)
     request = Request(disk, "30.4", STARTS[1], 1, tolerance=1e-9)  # any that is not the default
     reference = ScipyEngine("DOP853")(Request(disk, "30.4", STARTS[1], 1))

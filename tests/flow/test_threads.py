@@ -144,7 +144,7 @@ def test_continuous_output_is_for_all_threads() -> None:
         other.result()
 
 
-def test_the_baseline_in_threads() -> None:
+def test_scipy_engines_in_threads() -> None:
     """Check LSODA, which once kept the state of its run in the library."""
     shared = ScipyEngine("LSODA")
     requests = [

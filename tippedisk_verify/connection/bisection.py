@@ -43,7 +43,7 @@ _PASSAGE = Event(
 # leaves no quadratic terms, so the start misses the unstable manifold by the cube of the distance,
 # most of it along directions that decay.
 _START_DISTANCE = Fraction(1, 2**17)
-# Relative tolerances of the repeated runs of the baseline, looser than its own, which is 1e-13.
+# Relative tolerances of the repeated runs of the SciPy engine, looser than its own, which is 1e-13.
 _TOLERANCES = (1.3e-13, 1.7e-13, 2.2e-13, 2.8e-13, 3.6e-13)
 # The half-width in spreads of those runs, as in `error_budget`.
 _SPREAD_FACTOR = 4
@@ -187,12 +187,12 @@ def _passes(
 
 
 def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Fraction:
-    """Return a half-width of Omega_h [rad/s] that covers the baseline's truncation error.
+    """Return a half-width of Omega_h [rad/s] that covers the SciPy engine's truncation error.
 
-    At its tightest tolerance the baseline is near round-off. Under the smooth law the field has
+    At its tightest tolerance the engine is near round-off. Under the smooth law the field has
     kinks, so the error there does not follow the tolerance: every sequence of steps has a different
     error. Each run at one of `_TOLERANCES` is a draw of that error. All of these are looser than
-    the baseline's own tolerance. The half-width is the spread of the draws and the answer, times
+    the engine's own tolerance. The half-width is the spread of the draws and the answer, times
     `_SPREAD_FACTOR`, as in `error_budget`. It includes sixteen ulps of the speed for the rounding
     that the passage amplifies.
     """

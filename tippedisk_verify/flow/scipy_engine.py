@@ -118,7 +118,9 @@ class ScipyEngine:
                 f"SciPy integrates in double precision only, not {request.precision.name}"
             )
         if request.divergence:
-            raise InputError("the baseline cannot integrate the divergence: use the Taylor engine")
+            raise InputError(
+                "a SciPy engine cannot integrate the divergence: use the Taylor engine"
+            )
         if request.error_estimate:
             raise InputError(
                 "SciPy has no reliable error estimate: use the Taylor engine, or compare with it"
