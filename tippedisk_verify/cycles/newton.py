@@ -132,7 +132,7 @@ def newton(
         Exception: If the iteration takes too many steps: the failure of ``stop``.
     """
 
-    def at(own_map: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
+    def iterate_at(own_map: ReturnMap[C], point: tuple[Any, Any]) -> Iterate[C]:
         flight = own_map.flight(point, variations=chord is None)
         if chord is None:
             image = own_map.image(point, flight)
@@ -146,13 +146,13 @@ def newton(
             ) from None
         return Iterate(own_map, point, image, step=step)
 
-    iterate, scale = at(return_map, (point[0], point[1])), section_size(point)
+    iterate, scale = iterate_at(return_map, (point[0], point[1])), section_size(point)
     while not stop.converged(size(iterate)):
         if damped:
-            iterate = _damped_point(iterate, at, scale)
+            iterate = _damped_point(iterate, iterate_at, scale)
         else:
             x, y, omega = iterate.ahead
-            iterate = at(
+            iterate = iterate_at(
                 return_map if fixed_quantity == "speed" else return_map.at_speed(omega), (x, y)
             )
     return Iterate(
@@ -165,7 +165,9 @@ def newton(
 
 
 def _damped_point(
-    iterate: Iterate[C], at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]], scale: float
+    iterate: Iterate[C],
+    iterate_at: Callable[[ReturnMap[C], tuple[Any, Any]], Iterate[C]],
+    scale: float,
 ) -> Iterate[C]:
     """Return the first point along a Newton step whose residual is smaller, or is rounding.
 
@@ -187,7 +189,7 @@ def _damped_point(
                 "the shooting iteration falls onto the equilibrium: start closer to the cycle"
             )
         with suppress(NoSuchCycleError):
-            ahead = at(iterate.return_map, point)
+            ahead = iterate_at(iterate.return_map, point)
             if section_size(ahead.image.residual) < before or before < _ROUNDING_RESIDUAL * scale:
                 return ahead
         share /= 2
