@@ -19,13 +19,13 @@ import tippedisk_verify as tv
 from tests.report.test_page import Page
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grade_pages import Report, html_page, print_report
 from tippedisk_verify.conformance.grading import (
     compare,
     digits_between,
     grade_answers,
     tally_levels,
 )
-from tippedisk_verify.conformance.pages import Report, html_page, print_report
 from tippedisk_verify.conformance.sheet import (
     Answers,
     questions,

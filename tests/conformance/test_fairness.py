@@ -12,13 +12,13 @@ import pytest
 from results.scipy_program import answered
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.gate import shortcomings
+from tippedisk_verify.conformance.grade_pages import Report
 from tippedisk_verify.conformance.grading import (
     Grade,
     compare,
     grade_answers,
     tally_levels,
 )
-from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.grading_rules import DIGITS_REQUIRED, digits_needed
 from tippedisk_verify.reference_values.store import Store, load_store

@@ -14,8 +14,8 @@ import pytest
 from rich.console import Console
 
 from tippedisk_verify.conformance.answer_number import as_decimal
+from tippedisk_verify.conformance.grade_pages import Report, print_report
 from tippedisk_verify.conformance.grading import grade_answers, tally_levels
-from tippedisk_verify.conformance.pages import Report, print_report
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import load_store

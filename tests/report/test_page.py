@@ -15,7 +15,7 @@ import pytest
 from tests.command_line import printed
 from tests.test_cli import GOOD
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
-from tippedisk_verify.report.pages import _symbols
+from tippedisk_verify.report.audit_pages import _symbols
 
 ONLY = "omega_crit,lambda_3,sliding_velocity,chi,attraction,convergent_series,scene_d"
 # One too long for its cell is cut: 1.18184621…e-7

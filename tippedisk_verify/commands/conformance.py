@@ -420,8 +420,8 @@ class _RequestedOutput:
 
         from tippedisk_verify.conformance.diagnosis import diagnose
         from tippedisk_verify.conformance.gate import badge, shortcomings
+        from tippedisk_verify.conformance.grade_pages import Report, html_page, print_report
         from tippedisk_verify.conformance.grading import tally_levels
-        from tippedisk_verify.conformance.pages import Report, html_page, print_report
 
         levels = tally_levels(grades, asked_questions)
         with output.progress() as advance:

@@ -3,7 +3,7 @@
 - `sheet` writes questions and reads answers.
 - `grading` counts digits.
 - `diagnosis` finds the fewest changes of the right equations that give the wrong answers.
-- `pages` shows the result.
+- `grade_pages` shows the result.
 - `gate` decides whether grades pass, and compares them with earlier ones.
 - `clients` has programs to copy.
 """

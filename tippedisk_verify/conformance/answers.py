@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from tippedisk_verify.conformance.diagnosis import diagnose
+from tippedisk_verify.conformance.grade_pages import Report
 from tippedisk_verify.conformance.grading import answer_text, grade_answers, tally_levels
-from tippedisk_verify.conformance.pages import Report
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
