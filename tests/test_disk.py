@@ -65,11 +65,31 @@ def test_a_text_for_a_list_is_one_number() -> None:
 
 
 @pytest.mark.parametrize(
+    ("speed", "choice"),
+    [
+        ({"omega": "30.02"}, {"rotating": True}),
+        ({"omega": "30.5"}, {"rotating": True, "stable": False}),
+        ({"below_crit": "0.85", "digits": 10}, {"rotating": True}),
+        ({"below_het": "1e-8"}, {}),
+        ({"below_het": "1e-8", "half_widths": False}, {"rotating": True}),
+    ],
+)
+def test_a_limit_cycle_may_be_a_rotating_one(speed, choice) -> None:
+    disk = tv.Disk("table1")
+    stable = choice.get("stable", True)
+    assert disk.limit_cycle(**speed, **choice) == disk.rotating_cycle(**speed, stable=stable)
+
+
+@pytest.mark.parametrize(
     ("make", "word"),
     [
         (lambda: tv.Disk("table1", nu="0.4"), "no 'nu'"),
         (lambda: tv.Disk(r="0.045"), "needs e"),
-        (lambda: tv.Disk("table1").limit_cycle(), "one of omega, below_crit and above_het"),
+        (
+            lambda: tv.Disk("table1").limit_cycle(),
+            "one of omega, below_crit, above_het and below_het",
+        ),
+        (lambda: tv.Disk("table1").limit_cycle(above_het="1e-8", rotating=True), "give below_het"),
         (
             lambda: tv.Disk("table1").speed("30.4", below_het="0.5"),
             "one of omega, below_crit, above_het and below_het",

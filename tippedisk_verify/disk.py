@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import fields, replace
 from fractions import Fraction
 from os import PathLike
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -403,27 +403,71 @@ class Disk(Parameters):
         return compute_scene(scene, self, engine, omega_h=omega_h)
 
     # --------------------------------------------------------------------------------- limit cycles
+    @overload
     def limit_cycle(
         self,
         omega: object = None,
         *,
         below_crit: object = None,
         above_het: object = None,
+        below_het: None = None,
+        rotating: Literal[False] = False,
         stable: bool | None = None,
         digits: int = 12,
         half_widths: bool = True,
         engine: Engine | None = None,
         progress: bool | None = None,
-    ) -> LimitCycle:
-        """Find the limit cycle about inverted spinning at a speed.
+    ) -> LimitCycle: ...
+    @overload
+    def limit_cycle(
+        self,
+        omega: object = None,
+        *,
+        below_crit: object = None,
+        below_het: object = None,
+        rotating: Literal[True],
+        stable: bool | None = None,
+        digits: int = 12,
+        half_widths: bool = True,
+        engine: Engine | None = None,
+        progress: bool | None = None,
+    ) -> RotatingCycle: ...
+    @overload
+    def limit_cycle(
+        self,
+        *,
+        below_het: str | Fraction,
+        stable: bool | None = None,
+        digits: int = 12,
+        half_widths: bool = True,
+        engine: Engine | None = None,
+        progress: bool | None = None,
+    ) -> RotatingCycle: ...
+    def limit_cycle(
+        self,
+        omega: object = None,
+        *,
+        below_crit: object = None,
+        above_het: object = None,
+        below_het: object = None,
+        rotating: bool = False,
+        stable: bool | None = None,
+        digits: int = 12,
+        half_widths: bool = True,
+        engine: Engine | None = None,
+        progress: bool | None = None,
+    ) -> LimitCycle | RotatingCycle:
+        """Find the limit cycle about inverted spinning at a speed, or a rotating one.
 
-        Exactly one of the first three arguments is given. Where a speed has several cycles, the
+        Exactly one of the first four arguments is given. Where a speed has several cycles, the
         result is the stable one unless ``stable`` is False.
 
         Args:
             omega: The speed [rad/s].
             below_crit: A distance below Omega_crit [rad/s].
             above_het: A distance above Omega_h [rad/s].
+            below_het: A distance below Omega_h [rad/s], where the cycles are rotating.
+            rotating: If True, find what `rotating_cycle` finds: gamma grows by 2 pi in each period.
             stable: Ask for the stable or the unstable cycle; not with ``above_het``.
             digits: Significant digits of each main result.
             half_widths: False computes once, in the first arithmetic that holds the digits, and
@@ -443,7 +487,22 @@ class Disk(Parameters):
         """
         from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 
-        require_one_speed(omega=omega, below_crit=below_crit, above_het=above_het)
+        require_one_speed(
+            omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het
+        )
+        if rotating or below_het is not None:
+            if above_het is not None:
+                raise InputError("rotating cycles lie below Omega_h: give below_het")
+            return self.rotating_cycle(
+                omega,
+                below_crit=below_crit,
+                below_het=below_het,
+                stable=stable is not False,
+                digits=digits,
+                half_widths=half_widths,
+                engine=engine,
+                progress=progress,
+            )
         if above_het is not None:
             if stable is not None:
                 raise InputError(
