@@ -20,7 +20,7 @@ from tippedisk_verify.progress import show_progress
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-    from tippedisk_verify.cycles.folds import Fold
+    from tippedisk_verify.cycles.families.folds import Fold
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece

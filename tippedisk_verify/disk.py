@@ -32,11 +32,11 @@ if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.branch import Branch
+    from tippedisk_verify.cycles.collocation.spectral import SpectralCycle
     from tippedisk_verify.cycles.distance_study import NearHeteroclinic
-    from tippedisk_verify.cycles.folds import Folds, RotationFold
+    from tippedisk_verify.cycles.families.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.sensitivity import Sensitivity
-    from tippedisk_verify.cycles.spectral import SpectralCycle
     from tippedisk_verify.flow.contract import Engine, Event
     from tippedisk_verify.model.arrays import Array
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
@@ -544,7 +544,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.spectral import spectral_cycle
+        from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
 
         return spectral_cycle(self, omega, digits=digits, harmonics=harmonics)
 
@@ -564,7 +564,7 @@ class Disk(Parameters):
         Raises:
             AccuracyError: If the family cannot be followed, or the digits were not reached.
         """
-        from tippedisk_verify.cycles.folds import libration_folds
+        from tippedisk_verify.cycles.families.folds import libration_folds
         from tippedisk_verify.cycles.locator import locator_of
 
         locator = locator_of(self, self._engine(engine))
@@ -681,7 +681,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such fold, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.folds import rotation_fold
+        from tippedisk_verify.cycles.families.folds import rotation_fold
         from tippedisk_verify.cycles.locator import locator_of
 
         return rotation_fold(locator_of(self, self._engine(engine)).rotating_family, digits=digits)
@@ -763,7 +763,7 @@ class Disk(Parameters):
             InputError: If ``method`` is not known.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+        from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
         with show_share("Omega_h", progress):

@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.folds import fold_near
-from tippedisk_verify.cycles.section import EXTREME, FULL_ROTATION, ROTATING
-from tippedisk_verify.cycles.spectral import spectral_cycle, spectral_fold, spectral_rotation
+from tippedisk_verify.cycles.collocation.spectral import (
+    spectral_cycle,
+    spectral_fold,
+    spectral_rotation,
+)
+from tippedisk_verify.cycles.families.folds import fold_near
+from tippedisk_verify.cycles.shooting.section import EXTREME, FULL_ROTATION, ROTATING
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status

@@ -24,7 +24,7 @@ from tippedisk_verify.audit import (
 )
 from tippedisk_verify.audit.claim_catalogue import CLAIMS
 from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examine_claim
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.flow import scipy_engine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations

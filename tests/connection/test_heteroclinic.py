@@ -10,7 +10,7 @@ import pytest
 from tippedisk_verify.connection import bisection
 from tippedisk_verify.connection.bisection import bisect_omega_h, follow_unstable_manifold
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import InputError, NoConnectionError
 from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine

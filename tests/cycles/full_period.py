@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.flow.contract import SECTION, Event
 
 WHOLE_PERIOD = replace(

@@ -10,10 +10,10 @@ import pytest
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages
-from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near_omega_h
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_near_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion

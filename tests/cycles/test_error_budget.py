@@ -14,11 +14,12 @@ import numpy
 import pytest
 from scipy import integrate, stats
 
-from tippedisk_verify.cycles import error_budget, interpolant
-from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.error_budget import bound_lost_logarithms
-from tippedisk_verify.cycles.return_map import Image
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.families import interpolant
+from tippedisk_verify.cycles.shooting import error_budget
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.error_budget import bound_lost_logarithms
+from tippedisk_verify.cycles.shooting.return_map import Image
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured

@@ -14,15 +14,15 @@ import pytest
 
 from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles import folds
 from tippedisk_verify.cycles.branch import librating_branch
-from tippedisk_verify.cycles.folds import LibrationFold, libration_folds, rotation_fold
-from tippedisk_verify.cycles.fourier import CycleKind
-from tippedisk_verify.cycles.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
-from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.collocation.fourier import CycleKind
+from tippedisk_verify.cycles.collocation.spectral import spectral_fold
+from tippedisk_verify.cycles.families import folds
+from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.spectral import spectral_fold
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.model.exact import fraction

@@ -7,10 +7,10 @@ from fractions import Fraction
 import numpy
 
 from tippedisk_verify.cycles.branch import librating_branch
-from tippedisk_verify.cycles.family import batch_solver
-from tippedisk_verify.cycles.interpolant import FamilyInterpolant
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.families.family import batch_solver
+from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.flow import default_lanes
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import hopf_point

@@ -12,11 +12,11 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cycles.branch import rotating_branch
+from tippedisk_verify.cycles.collocation.spectral import spectral_rotation
 from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
-from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.spectral import spectral_rotation
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import PRINTED

@@ -9,10 +9,10 @@ import numpy
 import pytest
 
 from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
-from tippedisk_verify.cycles.cycle_numbers import number_names
+from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import BOTTOM, ROTATING
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.section import BOTTOM, ROTATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED

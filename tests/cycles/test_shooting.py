@@ -10,11 +10,11 @@ from hypothesis import given, settings
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
-from tippedisk_verify.cycles.error_budget import cycle_in_precision
-from tippedisk_verify.cycles.return_map import Image, ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import approximate_cycle, spectral_cycle
+from tippedisk_verify.cycles.collocation.spectral import approximate_cycle, spectral_cycle
+from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision
+from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import fraction

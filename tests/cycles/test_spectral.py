@@ -8,8 +8,8 @@ from fractions import Fraction
 import pytest
 
 from tests.problems import speed_below
-from tippedisk_verify.cycles.spectral import spectral_cycle
-from tippedisk_verify.cycles.spectral_branch import _librating_branch
+from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
+from tippedisk_verify.cycles.collocation.spectral_branch import _librating_branch
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction

@@ -15,14 +15,14 @@ from reference_data.make.local import hopf_by_balance
 from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.cycles_by_whole_flights import fixed_point_near
-from tippedisk_verify.cycles.error_budget import numbers_in_precision
-from tippedisk_verify.cycles.family import batch_solver
-from tippedisk_verify.cycles.interpolant import FamilyInterpolant
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
-from tippedisk_verify.cycles.shooting import LimitCycle, shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import spectral_cycle, spectral_rotation
+from tippedisk_verify.cycles.collocation.spectral import spectral_cycle, spectral_rotation
+from tippedisk_verify.cycles.families.family import batch_solver
+from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import fixed_point_near
+from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
+from tippedisk_verify.cycles.shooting.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
+from tippedisk_verify.cycles.shooting.shoot import LimitCycle, shoot_limit_cycle
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine, default_lanes

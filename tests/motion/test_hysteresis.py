@@ -9,9 +9,9 @@ from itertools import pairwise
 import mpmath
 import pytest
 
-from tippedisk_verify.cycles.folds import libration_folds
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import spectral_cycle
+from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
+from tippedisk_verify.cycles.families.folds import libration_folds
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.hopf import hopf_point, omega_crit, speed_below_crit

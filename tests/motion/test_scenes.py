@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
-from tippedisk_verify.cycles.folds import rotation_fold
+from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import locator_of
 from tippedisk_verify.flow.contract import SECTION, Event, Request
 from tippedisk_verify.flow.taylor import Taylor

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.problems import speed_below
-from tippedisk_verify.cycles.section import RETURNS
+from tippedisk_verify.cycles.shooting.section import RETURNS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED

@@ -11,7 +11,7 @@ from flint import arb, arb_mat
 
 from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured

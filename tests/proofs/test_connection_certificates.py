@@ -15,7 +15,7 @@ import pytest
 from tests.command_line import answer, assert_refused
 from tests.proofs.cases import Change, proved_connection, put
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED

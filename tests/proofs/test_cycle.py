@@ -14,11 +14,11 @@ import pytest
 from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
+from tippedisk_verify.cycles.collocation.spectral import spectral_rotation
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
-from tippedisk_verify.cycles.spectral import spectral_rotation
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import field, shifted
 from tippedisk_verify.model.measured import Measured

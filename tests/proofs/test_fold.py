@@ -10,9 +10,14 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
-from tippedisk_verify.cycles.folds import Fold, LibrationFold, fold_to_digits, rotation_fold
+from tippedisk_verify.cycles.families.folds import (
+    Fold,
+    LibrationFold,
+    fold_to_digits,
+    rotation_fold,
+)
 from tippedisk_verify.cycles.locator import locator_of
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb

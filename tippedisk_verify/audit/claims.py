@@ -18,9 +18,9 @@ from typing import Any, Literal, NamedTuple, TypeVar
 from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.branch import cycles_found, librating_branch
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
-from tippedisk_verify.cycles.period_continuation import PeriodContinuation
-from tippedisk_verify.cycles.shooting import LimitCycle
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
+from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import short_text

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, printed_number
 from tippedisk_verify.connection.bisection import follow_unstable_manifold
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request

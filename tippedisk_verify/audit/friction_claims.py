@@ -8,8 +8,8 @@ from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
-from tippedisk_verify.cycles.shooting import LimitCycle
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import jacobian, terms
 from tippedisk_verify.model.friction import Friction

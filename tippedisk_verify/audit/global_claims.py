@@ -11,7 +11,7 @@ from itertools import pairwise
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
 from tippedisk_verify.audit.connection_claims import FAMILY
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request

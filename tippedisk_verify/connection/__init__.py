@@ -1,4 +1,4 @@
 """The heteroclinic connection: Omega_h and the orbit of the connection.
 
-`cycles.heteroclinic_methods` has all four methods for Omega_h: one of them needs limit cycles.
+`cycles.near_omega_h.heteroclinic_methods` has all four methods for Omega_h: one of them needs limit cycles.
 """

@@ -20,15 +20,15 @@ import numpy
 
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_speed import cycles_at
-from tippedisk_verify.cycles.cycles_by_whole_flights import MIN_SHOOTING_DISTANCE
-from tippedisk_verify.cycles.family import Family, batch_solver
-from tippedisk_verify.cycles.folds import libration_folds, rotation_fold
-from tippedisk_verify.cycles.interpolant import FamilyInterpolant
-from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.families.family import Family, batch_solver
+from tippedisk_verify.cycles.families.folds import libration_folds, rotation_fold
+from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import Locator, locator_of
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import MIN_SHOOTING_DISTANCE
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine, default_lanes
 from tippedisk_verify.flow.contract import Engine

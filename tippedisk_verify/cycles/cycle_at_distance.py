@@ -6,15 +6,15 @@ from fractions import Fraction
 from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
-from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages, shared_digits
-from tippedisk_verify.cycles.cycles_by_whole_flights import (
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.locator import Location, Locator, locator_of
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
     MIN_SHOOTING_DISTANCE,
     cycle_near_omega_h,
     with_speed,
 )
-from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import Location, Locator, locator_of
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages, shared_digits
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude

@@ -10,11 +10,11 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
-from tippedisk_verify.cycles.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import NEAR_THE_LAW, NEWBORN, amplitude_law_guess, shoot
+from tippedisk_verify.cycles.shooting.error_budget import cycle_to_digits
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting.shoot import NEAR_THE_LAW, NEWBORN, amplitude_law_guess, shoot
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed

@@ -16,20 +16,23 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.cycles_by_passages import cycle_by_passages, omega_h_resolving
-from tippedisk_verify.cycles.cycles_by_whole_flights import (
+from tippedisk_verify.cycles.families.family import CycleGuess
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
     MIN_SHOOTING_DISTANCE,
     cycle_near_omega_h,
 )
-from tippedisk_verify.cycles.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
-from tippedisk_verify.cycles.family import CycleGuess
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.newton import FixedPoint
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting import NEWBORN, shoot
+from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
+    cycle_by_passages,
+    omega_h_resolving,
+)
+from tippedisk_verify.cycles.shooting.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
+from tippedisk_verify.cycles.shooting.newton import FixedPoint
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.shooting.shoot import NEWBORN, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude

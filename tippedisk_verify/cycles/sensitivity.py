@@ -26,12 +26,12 @@ from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.error_budget import iterate_until_rounding, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import FixedPoint
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.error_budget import iterate_until_rounding, numbers_at
+from tippedisk_verify.cycles.shooting.newton import FixedPoint
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import ROTATING
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import ROTATING
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     GAMMA_TOP,

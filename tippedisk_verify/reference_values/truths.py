@@ -15,11 +15,11 @@ from typing import Any
 
 from mpmath import fp
 
-from tippedisk_verify.cycles.error_budget import numbers_in_precision
-from tippedisk_verify.cycles.newton import FixedPoint
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
+from tippedisk_verify.cycles.shooting.newton import FixedPoint
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
+from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status

@@ -8,10 +8,10 @@ from functools import partial
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.cycles_by_whole_flights import cycle_near_omega_h
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
-from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_near_omega_h
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.shooting.section import LIBRATING
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.exact import exact

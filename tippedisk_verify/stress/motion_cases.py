@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.shooting import shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact

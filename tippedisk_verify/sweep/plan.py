@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any, get_args
 
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.decimals import exact_text

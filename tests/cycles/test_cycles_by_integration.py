@@ -9,10 +9,10 @@ import pytest
 
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.cycles_by_whole_flights import with_speed
-from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
-from tippedisk_verify.cycles.period_continuation import PeriodContinuation
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import with_speed
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured

@@ -26,10 +26,10 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.batch_shooting import BatchCycles, shoot_batch
-from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.error_budget import cycle_of
-from tippedisk_verify.cycles.family import Family
+from tippedisk_verify.cycles.families.batch_shooting import BatchCycles, shoot_batch
+from tippedisk_verify.cycles.families.family import Family
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.error_budget import cycle_of
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array

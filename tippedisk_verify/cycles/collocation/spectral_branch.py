@@ -15,7 +15,13 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import MAX_SAMPLES, Collocation, CycleKind, resample, sizes
+from tippedisk_verify.cycles.collocation.fourier import (
+    MAX_SAMPLES,
+    Collocation,
+    CycleKind,
+    resample,
+    sizes,
+)
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit

@@ -31,11 +31,11 @@ from fractions import Fraction
 from itertools import count, islice
 from typing import Any, TypeVar
 
-from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import FixedPoint, Iterate, StoppingRule, newton
-from tippedisk_verify.cycles.return_map import Image, ReturnMap
-from tippedisk_verify.cycles.section import Section
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.newton import FixedPoint, Iterate, StoppingRule, newton
+from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.system import nudge
 from tippedisk_verify.model.decimals import decimal_magnitude

@@ -21,11 +21,11 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.cycles.librating_family import LibratingFamily
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.newton import Iterate, StoppingRule, newton
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.shooting.newton import Iterate, StoppingRule, newton
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction, quotient

@@ -3,7 +3,7 @@
 `saddle_passages` has the maps. This module chooses their sections, series and flights, and the
 number of speeds that they are interpolated from (`_CHOICE`). Half-widths follow from the
 differences to coarser choices, which round some four times as much. If the digits are not reached,
-or the maps do not exist, `cycles_by_whole_flights` follows the flow itself.
+or the maps do not exist, `cycles_by_integration` follows the flow itself.
 """
 
 from __future__ import annotations
@@ -18,10 +18,8 @@ import numpy
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
-from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
-from tippedisk_verify.cycles.error_budget import cycle_of
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.saddle_passages import (
+from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
     GlobalMap,
     HalfMap,
     PassageAccuracy,
@@ -29,7 +27,9 @@ from tippedisk_verify.cycles.saddle_passages import (
     integral_of_divergence,
     to_section,
 )
-from tippedisk_verify.cycles.section import LIBRATING, Section
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.error_budget import cycle_of
+from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine

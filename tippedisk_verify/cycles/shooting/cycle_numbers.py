@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.section import Section
+from tippedisk_verify.cycles.shooting.section import Section
 
 __all__ = ["number_names", "numbers_from_map"]
 

@@ -22,10 +22,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.batch_shooting import shoot_batch
-from tippedisk_verify.cycles.newton import Iterate, StoppingRule, newton
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import Section
+from tippedisk_verify.cycles.families.batch_shooting import shoot_batch
+from tippedisk_verify.cycles.shooting.newton import Iterate, StoppingRule, newton
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import Engine

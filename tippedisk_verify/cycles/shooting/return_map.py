@@ -18,7 +18,7 @@ from fractions import Fraction
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.section import VARIATIONS, Section
+from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.equations import field, shifted

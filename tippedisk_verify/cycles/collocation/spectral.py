@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.fourier import (
+from tippedisk_verify.cycles.collocation.fourier import (
     MAX_SAMPLES,
     Collocation,
     CycleKind,
     resample,
     samples_for,
 )
-from tippedisk_verify.cycles.spectral_branch import (
+from tippedisk_verify.cycles.collocation.spectral_branch import (
     branch_to,
     first_fold,
     floquet_mode,

@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.cycle_numbers import numbers_from_map
-from tippedisk_verify.cycles.section import VARIATIONS, Section
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array

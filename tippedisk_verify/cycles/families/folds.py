@@ -16,11 +16,11 @@ from typing import Any, ClassVar
 
 import numpy
 
-from tippedisk_verify.cycles.librating_family import LibratingFamily
-from tippedisk_verify.cycles.newton import StoppingRule
-from tippedisk_verify.cycles.return_map import Image, ReturnMap
-from tippedisk_verify.cycles.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
+from tippedisk_verify.cycles.shooting.newton import StoppingRule
+from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction

@@ -15,7 +15,7 @@ from typing import get_args
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, heteroclinic_at
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero, unmeasured_zero
-from tippedisk_verify.cycles.period_continuation import limit_of_cycles
+from tippedisk_verify.cycles.near_omega_h.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.scipy_engine import ScipyEngine

@@ -19,18 +19,18 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Any, TypeVar
 
-from tippedisk_verify.cycles.cycle_numbers import number_names
-from tippedisk_verify.cycles.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.newton import FixedPoint, StoppingRule
-from tippedisk_verify.cycles.period_continuation import (
+from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     PeriodContinuation,
     log10,
     precision_near_omega_h,
     predicted_state,
 )
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING, Section
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, numbers_at
+from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction

@@ -27,7 +27,7 @@ import numpy
 from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.connection.splitting import first_arrival
-from tippedisk_verify.cycles.section import EXTREME
+from tippedisk_verify.cycles.shooting.section import EXTREME
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import field

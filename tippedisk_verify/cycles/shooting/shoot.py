@@ -14,11 +14,11 @@ from contextlib import suppress
 from fractions import Fraction
 from typing import TypeVar
 
-from tippedisk_verify.cycles.error_budget import cycle_in_precision, cycle_to_digits
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle
-from tippedisk_verify.cycles.newton import FixedPoint, StoppingRule, newton, section_size
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, cycle_to_digits
+from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule, newton, section_size
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -123,7 +123,9 @@ def shoot_limit_cycle(
             fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
     if fixed_point is None:
         if guess is None:
-            from tippedisk_verify.cycles.spectral import approximate_cycle  # loads collocation
+            from tippedisk_verify.cycles.collocation.spectral import (
+                approximate_cycle,  # loads collocation
+            )
 
             guess = approximate_cycle(parameters, return_map.omega)
         fixed_point = shoot(return_map, guess)

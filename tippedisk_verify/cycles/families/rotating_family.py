@@ -14,9 +14,9 @@ from fractions import Fraction
 
 import numpy
 
-from tippedisk_verify.cycles.family import CycleGuess, Family, Solver, sequential_solver
-from tippedisk_verify.cycles.return_map import ReturnMap
-from tippedisk_verify.cycles.section import ROTATING
+from tippedisk_verify.cycles.families.family import CycleGuess, Family, Solver, sequential_solver
+from tippedisk_verify.cycles.shooting.return_map import ReturnMap
+from tippedisk_verify.cycles.shooting.section import ROTATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters

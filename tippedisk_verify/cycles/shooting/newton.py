@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.return_map import FixedQuantity, Image, ReturnMap
+from tippedisk_verify.cycles.shooting.return_map import FixedQuantity, Image, ReturnMap
 from tippedisk_verify.errors import NoSuchCycleError
 
 __all__ = ["FixedPoint", "StoppingRule", "newton", "section_size"]

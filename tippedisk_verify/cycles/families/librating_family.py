@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy
 
-from tippedisk_verify.cycles.family import CycleGuess, Family, Solver, sequential_solver
-from tippedisk_verify.cycles.section import LIBRATING
+from tippedisk_verify.cycles.families.family import CycleGuess, Family, Solver, sequential_solver
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.parameters import Parameters

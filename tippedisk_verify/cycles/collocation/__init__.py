@@ -1,0 +1,1 @@
+"""Limit cycles and their folds by Fourier collocation in time, without an integrator."""

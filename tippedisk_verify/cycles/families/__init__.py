@@ -1,0 +1,3 @@
+"""Families of limit cycles: continuation in a coordinate, interpolation between computed cycles, and
+folds.
+"""
