@@ -139,7 +139,7 @@ _ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.ScipyEngine: ("n
 #: so that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
     "analyse_slow_manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 2),
-    "spectral_cycle": lambda: tv.spectral_cycle(DISK, "30.4"),
+    "collocation_cycle": lambda: tv.collocation_cycle(DISK, "30.4"),
     "basins": lambda: tv.basins(DISK, "30.4", count=30, duration=5),
     "bisect_omega_h": lambda: tv.bisect_omega_h(DISK, tv.Taylor(), confirm=False),
     "bits": lambda: tv.bits(100),
@@ -301,7 +301,7 @@ SLOW = {
 #: What takes longer than a fifth of a second.
 LONG = (
     *SLOW,
-    "spectral_cycle",
+    "collocation_cycle",
     "bisect_omega_h",
     "grade",
     "Disk.basin_boundary",

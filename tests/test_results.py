@@ -49,7 +49,7 @@ RESULTS = {
         {q.id: 1.001 * q.for_doubles for q in tv.references("table1/linear/hopf")}
     ),
     "one harmonic": lambda: tv.one_harmonic(DISK, "30.4"),
-    "balanced cycle": lambda: tv.spectral_cycle(DISK, "30.4"),
+    "balanced cycle": lambda: tv.collocation_cycle(DISK, "30.4"),
     "slow manifold": lambda: tv.analyse_slow_manifold(DISK, "30.4", 1),
     "scene": lambda: tv.scene_named("a"),
     "panel": lambda: DISK.scene("d"),

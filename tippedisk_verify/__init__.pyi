@@ -8,7 +8,9 @@ from tippedisk_verify.bench.race import race as race
 from tippedisk_verify.conformance.answers import grade as grade
 from tippedisk_verify.conformance.grading import compare as compare
 from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega_h
-from tippedisk_verify.cycles.collocation.spectral import spectral_cycle as spectral_cycle
+from tippedisk_verify.cycles.collocation.collocation_cycles import (
+    collocation_cycle as collocation_cycle,
+)
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h as cycle_above_omega_h
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic as heteroclinic
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle as shoot_limit_cycle

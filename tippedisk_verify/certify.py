@@ -161,12 +161,12 @@ class Certifier:
         Raises:
             InputError: If the speed lies next to Omega_h.
         """
-        from tippedisk_verify.cycles.locator import locator_of
+        from tippedisk_verify.cycles.locator import cached_locator
         from tippedisk_verify.flow import default_engine
 
         with suppress(NoConnectionError):
             if (
-                away := abs(speed - locator_of(self.disk, default_engine()).omega_h)
+                away := abs(speed - cached_locator(self.disk, default_engine()).omega_h)
             ) < _MIN_DISTANCE:
                 raise InputError(
                     f"{float(speed):.12g} rad/s lies {float(away):.2g} from Omega_h, and single"

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.branch import Branch
-    from tippedisk_verify.cycles.collocation.spectral import SpectralCycle
+    from tippedisk_verify.cycles.collocation.collocation_cycles import CollocationCycle
     from tippedisk_verify.cycles.distance_study import NearHeteroclinic
     from tippedisk_verify.cycles.families.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
@@ -527,7 +527,7 @@ class Disk(Parameters):
 
     def harmonic_balance(
         self, omega: object, *, harmonics: int | None = None, digits: int = 12
-    ) -> SpectralCycle:
+    ) -> CollocationCycle:
         """Find the limit cycle by harmonic balance of the full equations, without an integrator.
 
         Args:
@@ -544,9 +544,9 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
+        from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
 
-        return spectral_cycle(self, omega, digits=digits, harmonics=harmonics)
+        return collocation_cycle(self, omega, digits=digits, harmonics=harmonics)
 
     def folds(self, *, digits: int = 12, engine: Engine | None = None) -> Folds:
         """Find the folds, where two limit cycles about inverted spinning meet and end.
@@ -565,9 +565,9 @@ class Disk(Parameters):
             AccuracyError: If the family cannot be followed, or the digits were not reached.
         """
         from tippedisk_verify.cycles.families.folds import libration_folds
-        from tippedisk_verify.cycles.locator import locator_of
+        from tippedisk_verify.cycles.locator import cached_locator
 
-        locator = locator_of(self, self._engine(engine))
+        locator = cached_locator(self, self._engine(engine))
         if locator.no_family_reason:
             raise AccuracyError(locator.no_family_reason)
         return libration_folds(self, locator.engine, digits=digits, family=locator.librating_family)
@@ -682,9 +682,11 @@ class Disk(Parameters):
             AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.families.folds import rotation_fold
-        from tippedisk_verify.cycles.locator import locator_of
+        from tippedisk_verify.cycles.locator import cached_locator
 
-        return rotation_fold(locator_of(self, self._engine(engine)).rotating_family, digits=digits)
+        return rotation_fold(
+            cached_locator(self, self._engine(engine)).rotating_family, digits=digits
+        )
 
     def branch(
         self,

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.collocation.spectral import (
-    spectral_cycle,
-    spectral_fold,
-    spectral_rotation,
+from tippedisk_verify.cycles.collocation.collocation_cycles import (
+    collocation_cycle,
+    collocation_fold,
+    collocation_rotation,
 )
 from tippedisk_verify.cycles.families.folds import fold_near
 from tippedisk_verify.cycles.shooting.section import EXTREME, FULL_ROTATION, ROTATING
@@ -39,7 +39,7 @@ __all__ = [
 _BALANCE_ABOVE = Fraction(1, 20)
 # Digits of harmonic balance and collocation. The state at the top has a few digits less, the null
 # vector ten less, but both have at least 30.
-_BALANCED, _COLLOCATED, _COLLOCATED_FOLD = 40, 34, 42
+_COLLOCATED_CYCLE_DIGITS, _COLLOCATED_DIGITS, _COLLOCATED_FOLD_DIGITS = 40, 34, 42
 _BITS = 180  # 54 digits; a period of a rotating cycle amplifies errors by less than 10^6
 _HALF = _BITS // 2  # a difference quotient with the step 2^-_HALF keeps half of the bits
 _QUARTER = PI * Fraction(1, 2)
@@ -269,7 +269,7 @@ def balance(case: Case, values: Values) -> Values:
     omega = case.inputs["Omega"]
     if case.disk.friction != "linear" or omega - omega_h_for(case) < _BALANCE_ABOVE:
         return {}
-    cycle = spectral_cycle(case.disk, omega, digits=_BALANCED)
+    cycle = collocation_cycle(case.disk, omega, digits=_COLLOCATED_CYCLE_DIGITS)
     return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
@@ -278,7 +278,9 @@ def collocation(case: Case, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
-    numbers = spectral_rotation(case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED)
+    numbers = collocation_rotation(
+        case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED_DIGITS
+    )
     both, slow = numbers.pop("log_multipliers"), numbers["multiplier_slow"].log()
     return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": both - slow}
 
@@ -287,7 +289,7 @@ def fold_by_collocation(case: Case, values: Values) -> Values:
     """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
-    return spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
+    return collocation_fold(case.disk, digits=_COLLOCATED_FOLD_DIGITS)
 
 
 def scipy(case: Case, values: Values) -> Values:

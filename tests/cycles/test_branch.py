@@ -14,7 +14,7 @@ import tippedisk_verify as tv
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch import Branch, librating_branch, paper_speeds
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import GEOMETRY, PRINTED
@@ -34,7 +34,7 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
 
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:
     monkeypatch.setitem(
-        locator_of(GEOMETRY, taylor).__dict__,
+        cached_locator(GEOMETRY, taylor).__dict__,
         "no_family_reason",
         "the family could not be followed",
     )

@@ -15,12 +15,12 @@ import pytest
 from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch import librating_branch
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_fold
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
-from tippedisk_verify.cycles.collocation.spectral import spectral_fold
 from tippedisk_verify.cycles.families import folds
 from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.disk import Disk
@@ -56,9 +56,9 @@ def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
         (shot,) = found = libration_folds(disk, taylor, digits=digits)
         assert found.followed_to == "Omega_h"
     else:
-        shot = rotation_fold(locator_of(disk, taylor).rotating_family, digits=digits)
-    other = spectral_fold(disk, kind, digits=digits + 5)
-    for name in ("omega", "period", *type(shot).section.names, "null_vector"):
+        shot = rotation_fold(cached_locator(disk, taylor).rotating_family, digits=digits)
+    other = collocation_fold(disk, kind, digits=digits + 5)
+    for name in ("omega", "period", *type(shot).section.coordinate_names, "null_vector"):
         assert (getattr(shot, name) - other[name]).holds(0), name
     assert other["omega"].uncertainty < Fraction(1, 10**digits)
 
@@ -79,7 +79,7 @@ def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> N
 
 def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
     with pytest.raises(NoSuchCycleError, match="no fold of the librating cycles"):
-        spectral_fold(PRINTED, CycleKind.LIBRATING)
+        collocation_fold(PRINTED, CycleKind.LIBRATING)
 
 
 # ----------------------------------------------------------------------------------- what a fold is
@@ -88,7 +88,7 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
     it there is no cycle.
     """
     (fold,) = libration_folds(FOLDING, taylor)
-    known = locator_of(FOLDING, taylor)
+    known = cached_locator(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
         unstable, stable = known.librating_at(fold.omega.value - Fraction(below)).cycles()
@@ -110,7 +110,7 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
-    cycles = locator_of(POSITIVE_SADDLE_VALUE, taylor).librating_at(halfway).cycles()
+    cycles = cached_locator(POSITIVE_SADDLE_VALUE, taylor).librating_at(halfway).cycles()
     assert [cycle.stable for cycle in cycles] == [True, False]
 
 
@@ -248,7 +248,7 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     """One case is next to Omega_h, which lies inside the family's speeds. The other is a disk whose
     saddles are foci.
     """
-    monkeypatch.setattr("tippedisk_verify.cycles.branch._MIN_FOR_LANES", 3)
+    monkeypatch.setattr("tippedisk_verify.cycles.branch._MIN_BATCH_SIZE", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(
@@ -318,15 +318,15 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
     ids=lambda disk: disk.name,
 )
 def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> None:
-    family = locator_of(disk, taylor).librating_family
+    family = cached_locator(disk, taylor).librating_family
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2
-        cycles = locator_of(disk, taylor).librating_at(Fraction(speed)).cycles()
+        cycles = cached_locator(disk, taylor).librating_at(Fraction(speed)).cycles()
         assert len(cycles) == len(list(family.guesses(speed)))
     for beyond, side in ((ends[0] - 0.3, "below"), (ends[-1] + 0.3, "above")):
         with pytest.raises(NoSuchCycleError, match=f"0.3 rad/s {side} the family"):
-            locator_of(disk, taylor).librating_at(Fraction(beyond)).cycles()
+            cached_locator(disk, taylor).librating_at(Fraction(beyond)).cycles()
     unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
     assert family.connected is not bool(slow.im.value)
     if not family.connected:

@@ -7,7 +7,7 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
 
@@ -15,11 +15,11 @@ FOLDING = PRINTED.changed(A="0.229e-3")  # cycles are born unstable, above Omega
 
 
 def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
-    known = locator_of(PRINTED, taylor)
-    assert locator_of(PRINTED.changed(name="table1"), taylor) is known
-    assert locator_of(PRINTED.with_friction("smooth"), taylor) is not known
-    assert locator_of(FOLDING, taylor) is not known
-    assert known.librating_at(Fraction(30)).starts == ()
+    known = cached_locator(PRINTED, taylor)
+    assert cached_locator(PRINTED.changed(name="table1"), taylor) is known
+    assert cached_locator(PRINTED.with_friction("smooth"), taylor) is not known
+    assert cached_locator(FOLDING, taylor) is not known
+    assert known.librating_at(Fraction(30)).guesses == ()
     assert known.__dict__["librating_family"] is known.librating_family
 
 
@@ -40,7 +40,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
 )
 def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, message) -> None:
     """The family alone decides: no cycle is shot for, and Omega_h is not sought."""
-    known = locator_of(PRINTED, taylor)
+    known = cached_locator(PRINTED, taylor)
     assert known.librating_family.connected
     for name in (
         "cycles.locator.shoot",
@@ -53,12 +53,13 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
 
 
 def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
-    known = locator_of(FOLDING, taylor)
+    known = cached_locator(FOLDING, taylor)
     for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
-        assert [start.piece for start in known.librating_at(Fraction(omega)).starts] == pieces
+        assert [start.piece for start in known.librating_at(Fraction(omega)).guesses] == pieces
     for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
         assert [
-            start.piece for start in locator_of(PRINTED, taylor).rotating_at(Fraction(omega)).starts
+            start.piece
+            for start in cached_locator(PRINTED, taylor).rotating_at(Fraction(omega)).guesses
         ] == pieces
 
 
@@ -66,14 +67,14 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     """At a millionth of the resolution of doubles, librating cycles lie above Omega_h and rotating
     ones below.
     """
-    known, near = locator_of(PRINTED, taylor), Fraction(1, 10**20)
+    known, near = cached_locator(PRINTED, taylor), Fraction(1, 10**20)
     omega_h = known.librating_at(known.omega_h).omega_h
     assert omega_h is not None
     assert known.librating_at(omega_h + near).omega_h != known.omega_h
     above, below = known.librating_at(omega_h + near), known.librating_at(omega_h - near)
-    assert [start.is_in_double for start in above.starts] == [False]
-    assert not below.starts
+    assert [start.has_coordinates for start in above.guesses] == [False]
+    assert not below.guesses
     assert "1e-20 rad/s below Omega_h" in below.refusal
     rotating = known.rotating_at(omega_h - near, stable=True)
-    assert [start.is_in_double for start in rotating.starts] == [False]
-    assert not known.rotating_at(omega_h + near, stable=True).starts
+    assert [start.has_coordinates for start in rotating.guesses] == [False]
+    assert not known.rotating_at(omega_h + near, stable=True).guesses

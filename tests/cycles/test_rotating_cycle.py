@@ -12,11 +12,11 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cycles.branch import rotating_branch
-from tippedisk_verify.cycles.collocation.spectral import spectral_rotation
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotation
 from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.families.folds import rotation_fold
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import field, normal_force_over_weight
 from tippedisk_verify.model.parameters import PRINTED
@@ -42,7 +42,7 @@ def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
 @pytest.mark.parametrize(("omega", "stable"), POINTS)
 def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
-    other = spectral_rotation(PRINTED, omega, stable=stable, digits=16)
+    other = collocation_rotation(PRINTED, omega, stable=stable, digits=16)
     for name in SHARED:
         assert agree(getattr(shot, name), other[name], 11), name
     both = shot.log_multiplier_slow + shot.log_multiplier_fast
@@ -57,7 +57,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     and T is its mean.
     """
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(locator_of(disk, taylor).rotating_family)
+    fold = rotation_fold(cached_locator(disk, taylor).rotating_family)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [

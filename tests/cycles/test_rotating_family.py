@@ -10,7 +10,7 @@ import pytest
 
 from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import BOTTOM, ROTATING
 from tippedisk_verify.flow.contract import Request
@@ -22,7 +22,7 @@ _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 
 @pytest.fixture(scope="module")
 def family(taylor) -> RotatingFamily:
-    return locator_of(PRINTED, taylor).rotating_family
+    return cached_locator(PRINTED, taylor).rotating_family
 
 
 def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family) -> None:
@@ -45,7 +45,9 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     ]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        (alone,) = locator_of(PRINTED, taylor).rotating_at(Fraction(omega), stable=side).cycles()
+        (alone,) = (
+            cached_locator(PRINTED, taylor).rotating_at(Fraction(omega), stable=side).cycles()
+        )
         for name in number_names(ROTATING):
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
@@ -67,9 +69,9 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     of few nodes.
     """
     disk = PRINTED.with_friction("smooth") if "friction" in changes else PRINTED.changed(**changes)
-    known = locator_of(disk, taylor)
+    known = cached_locator(disk, taylor)
     family = known.rotating_family
-    fold = family.near_fold()
+    fold = family.fold_guess()
     assert fold.omega < family.omega_h
     family.reach(float(family.omega_h) + 1)
     assert family.omega_falls == [True, False]
@@ -82,7 +84,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         # A place on a family is a start for shooting, with some digits; another cycle is off by
         # 1e-2.
-        assert numpy.abs(numpy.subtract(place.start, top)).max() < 1e-6
+        assert numpy.abs(numpy.subtract(place.coordinates, top)).max() < 1e-6
         run = Request(
             disk,
             omega,

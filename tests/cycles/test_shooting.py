@@ -10,7 +10,10 @@ from hypothesis import given, settings
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
-from tippedisk_verify.cycles.collocation.spectral import approximate_cycle, spectral_cycle
+from tippedisk_verify.cycles.collocation.collocation_cycles import (
+    approximate_cycle,
+    collocation_cycle,
+)
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision
 from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
@@ -51,7 +54,7 @@ def test_half_period_full_period_and_balance_agree(share, which) -> None:
         assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, name
         if name in ("period", "multiplier_slow"):
             assert abs(one.value - other.value) < loss * abs(one.value), name
-    balance = spectral_cycle(parameters, speed)
+    balance = collocation_cycle(parameters, speed)
     for name in MAIN:
         mine, other = getattr(half, name), getattr(balance, name)
         assert abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty, name

@@ -12,7 +12,7 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import compiled_runners, default_engine, default_lanes
+from tippedisk_verify.flow import compiled_runners, default_batch_engine, default_engine
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
@@ -105,7 +105,7 @@ def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.Monkey
 def test_each_thread_has_an_engine() -> None:
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(default_engine).result() is not default_engine()
-        assert pool.submit(default_lanes).result() is not default_lanes()
+        assert pool.submit(default_batch_engine).result() is not default_batch_engine()
         assert pool.submit(default_engine).result() is pool.submit(default_engine).result()
     assert default_engine() is default_engine()
 

@@ -15,7 +15,10 @@ from reference_data.make.local import hopf_by_balance
 from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.collocation.spectral import spectral_cycle, spectral_rotation
+from tippedisk_verify.cycles.collocation.collocation_cycles import (
+    collocation_cycle,
+    collocation_rotation,
+)
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
@@ -25,7 +28,7 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, RETURNS, ROTATIN
 from tippedisk_verify.cycles.shooting.shoot import LimitCycle, shoot_limit_cycle
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
     SECTION,
@@ -339,7 +342,9 @@ def balanced(draw: Draw) -> Question:
     options = draw.choice(
         ({"digits": 6}, {"digits": 9}, {"digits": 12}, {"harmonics": 5}, {"harmonics": 12})
     )
-    return Question(lambda: spectral_cycle(disk, omega, **options), partial(_true_cycle, disk=disk))
+    return Question(
+        lambda: collocation_cycle(disk, omega, **options), partial(_true_cycle, disk=disk)
+    )
 
 
 def branch(draw: Draw) -> Question:
@@ -351,7 +356,7 @@ def branch(draw: Draw) -> Question:
     omega_h = float(_rough_omega_h(disk))
 
     def ask() -> Any:
-        lanes = default_lanes()
+        lanes = default_batch_engine()
         known = LibratingFamily(disk, default_engine(), batch_solver(LIBRATING, disk, lanes))
         omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
         return [
@@ -428,7 +433,7 @@ def rotating(draw: Draw, law: str) -> Question:
     disk, omega, stable = _rotating(draw, law)
     ask = partial(disk.rotating_cycle, omega, stable=stable)
     if law == "linear" and not stable:  # next to Omega_h collocation takes its time
-        return Question(ask, lambda _: spectral_rotation(disk, omega, stable=stable, digits=17))
+        return Question(ask, lambda _: collocation_rotation(disk, omega, stable=stable, digits=17))
     return _with_more(ask, draw.choice((9, 12)))
 
 

@@ -27,8 +27,8 @@ PLANTS = {
     "cycles.shooting.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.shooting.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.families.interpolant:FamilyInterpolant.half_widths": "branch",
-    "cycles.near_omega_h.cycles_by_integration:with_speed": "next to Omega_h",
-    "cycles.near_omega_h.cycles_by_passages:_measured": "by passages",
+    "cycles.near_omega_h.cycles_by_integration:with_uncertainty_of_omega_h": "next to Omega_h",
+    "cycles.near_omega_h.cycles_by_passages:_with_half_widths": "by passages",
     "connection.splitting:splitting_zero": "Omega_h by manifolds",
     "cycles.near_omega_h.period_continuation:limit_of_cycles": "Omega_h by limit cycles",
     "connection.bisection:bisect_omega_h": "Omega_h by bisection",
@@ -36,7 +36,7 @@ PLANTS = {
     "motion.basin_boundary:BasinBoundary._upper": "basin boundary",
     "theory.hopf:hopf_point": "Hopf point",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
-    "cycles.collocation.spectral:spectral_cycle": "harmonic balance",
+    "cycles.collocation.collocation_cycles:collocation_cycle": "harmonic balance",
     "proofs.numbers:ball_to_measured": "proved closed forms",
 }
 _FACTOR = 100

@@ -9,7 +9,7 @@ from itertools import pairwise
 import mpmath
 import pytest
 
-from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
 from tippedisk_verify.cycles.families.folds import libration_folds
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.flow.taylor import Taylor
@@ -99,5 +99,5 @@ def test_cycles_of_a_disk_at_a_generalized_hopf_point_and_next_to_it(
     # The next term of the law is smaller by about a^2, a thousandth.
     assert abs(float(cycle.gamma_bar_0) ** 4 / fourth - 1) < 3e-3
     assert cycle.stable
-    balanced = spectral_cycle(disk, speed)
+    balanced = collocation_cycle(disk, speed)
     assert (cycle.period - balanced.period).holds(0)

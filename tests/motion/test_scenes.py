@@ -10,7 +10,7 @@ import pytest
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.families.folds import rotation_fold
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import SECTION, Event, Request
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
@@ -103,7 +103,7 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
 ) -> None:
     """Check a speed just below the fold, where orbits linger for longer than a scene lasts."""
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(locator_of(disk, taylor).rotating_family).omega.value
+    fold = rotation_fold(cached_locator(disk, taylor).rotating_family).omega.value
     for distance in ("-3e-5", "-1e-7"):
         kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
         assert kinds <= {"flat", "undecided"}, distance

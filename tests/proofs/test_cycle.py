@@ -14,7 +14,7 @@ import pytest
 from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
-from tippedisk_verify.cycles.collocation.spectral import spectral_rotation
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotation
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
@@ -125,7 +125,7 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
     spectral = (
-        spectral_rotation(PRINTED, omega, stable=stable, digits=14) if stable else vars(ordinary)
+        collocation_rotation(PRINTED, omega, stable=stable, digits=14) if stable else vars(ordinary)
     )
     for name in claimed_names(ROTATING_SECTION):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])

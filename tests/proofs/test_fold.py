@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.families.folds import (
     fold_to_digits,
     rotation_fold,
 )
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
@@ -60,7 +60,7 @@ def held(proof: FoldProof, fold: Fold, digits: int) -> None:
 
 def moved(fold: Fold, distance: Fraction) -> list[Fraction]:
     """A point beside the fold along the family, but for the square of the distance."""
-    first, second = type(fold).section.names
+    first, second = type(fold).section.coordinate_names
     v = getattr(fold, second).value + fold.null_vector.value * distance
     return [getattr(fold, first).value + distance, v, fold.omega.value]
 
@@ -107,7 +107,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
 
 @pytest.mark.slow(minutes=0.5)
 def test_rotating_folds_are_proved(taylor) -> None:
-    fold = rotation_fold(locator_of(PRINTED, taylor).rotating_family, digits=30)
+    fold = rotation_fold(cached_locator(PRINTED, taylor).rotating_family, digits=30)
     proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=ROTATING_SECTION)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

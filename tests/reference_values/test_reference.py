@@ -165,7 +165,7 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
     (entry,) = stored_questions(store, f"table1/linear/{id_}/")
     case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
     found = shoot_known_cycle(case, values, ScipyEngine())
-    names = found.return_map.section.names
+    names = found.return_map.section.coordinate_names
     # SciPy's tolerance is 1e-13
     assert found.point == pytest.approx([values[name] for name in names], rel=1e-10)
 

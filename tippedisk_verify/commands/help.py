@@ -76,7 +76,7 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "hopf": (("theory.hopf", "HopfPoint"),),
     "slow-manifold": (("", "beta", "gamma"), ("theory.slow_manifold", "SlowManifold")),
     "orbit": (_CYCLES, ("cycles.families.folds", "Fold")),
-    "harmonic-balance": (("cycles.collocation.spectral", "SpectralCycle"),),
+    "harmonic-balance": (("cycles.collocation.collocation_cycles", "CollocationCycle"),),
     "branch": (_CYCLES,),
     "basin": (("", "margin"),),
     "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),

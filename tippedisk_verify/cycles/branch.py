@@ -26,11 +26,11 @@ from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import Locator, locator_of
+from tippedisk_verify.cycles.locator import CycleLocator, cached_locator
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
@@ -81,11 +81,11 @@ _MIN_SPEEDS_PER_PIECE = 11  # the least number of speeds on a piece between fold
 _MIN_DISTANCE = 1e-10
 _MAX_SPEEDS = 1_000_000
 # The digits that a cycle from the lanes must have. With fewer a speed is solved alone.
-_DIGITS_IN_LANES = {"librating": 0, "rotating": 12}
+_BATCH_DIGITS = {"librating": 0, "rotating": 12}
 _STEPS = 400  # the steps of each of the paper's sets
 PAPER_COUNT = 2 * _STEPS + 1  #: the number of speeds in both of the paper's sets
 # The number of speeds from which on it pays to compile for all lanes of the SIMD registers.
-_MIN_FOR_LANES = 100
+_MIN_BATCH_SIZE = 100
 
 
 @dataclass(frozen=True, repr=False)
@@ -168,7 +168,7 @@ class Branch(Printable):
         Raises:
             AccuracyError: If a fold does not have 12 digits.
         """
-        locator = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
+        locator = cached_locator(cycles_found(self.cycles)[0].parameters, default_engine())
         zero = Measured(Fraction(0), Fraction(0))
         born = omega_crit(locator.parameters), period_crit(locator.parameters), zero, zero
         points = [SpecialPoint("Omega_crit", *born)]
@@ -205,7 +205,7 @@ class Branch(Printable):
             )
         if integer_between(count, 2, _MAX_SPEEDS) is None:
             raise InputError(f"a branch has 2 to {_MAX_SPEEDS} cycles, not {short_text(count)}")
-        disk = locator_of(cycles_found(self.cycles)[0].parameters, default_engine())
+        disk = cached_locator(cycles_found(self.cycles)[0].parameters, default_engine())
         return Branch.of(_piece(disk, going_on.index(name), count, half_widths=True))
 
     def __len__(self) -> int:
@@ -451,17 +451,17 @@ def librating_branch(
     Raises:
         InputError: If a speed is not a positive decimal, or there are too many.
     """
-    disk_locator = locator_of(parameters, engine)
+    locator = cached_locator(parameters, engine)
     if paper_sets:
-        speeds = [Fraction(speed) for speed in paper_speeds(parameters, disk_locator.omega_h)]
+        speeds = [Fraction(speed) for speed in paper_speeds(parameters, locator.omega_h)]
     elif omegas is None:
-        return _overview(disk_locator, half_widths)
+        return _overview(locator, half_widths)
     else:
         speeds = checked_speeds(omegas)
         if not 0 < len(speeds) <= _MAX_SPEEDS:
             raise InputError(f"a family has 1 to {_MAX_SPEEDS} speeds, not {len(speeds)}")
     return _cycles_at_speeds(
-        disk_locator,
+        locator,
         LIBRATING,
         partial(cycles_at, parameters, engine=engine, half_widths=half_widths),
         speeds,
@@ -469,7 +469,7 @@ def librating_branch(
 
 
 def _cycles_at_speeds(
-    disk_locator: Locator,
+    locator: CycleLocator,
     section: Section[C],
     singly: Callable[[Fraction], list[C]],
     speeds: Sequence[Fraction],
@@ -477,13 +477,13 @@ def _cycles_at_speeds(
     """Yield all limit cycles of a kind at given speeds.
 
     Many speeds of the linear law are solved as doubles, in lanes of the Taylor engine. A speed
-    whose cycles do not have `_DIGITS_IN_LANES` there is solved alone, by ``singly``. A speed
+    whose cycles do not have `_BATCH_DIGITS` there is solved alone, by ``singly``. A speed
     without a cycle gives a `MissingCycle`, and the others go on.
     """
-    parameters, engine = disk_locator.parameters, disk_locator.engine
+    parameters, engine = locator.parameters, locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
-    if len(speeds) >= _MIN_FOR_LANES and parameters.law.is_linear:
-        lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
+    if len(speeds) >= _MIN_BATCH_SIZE and parameters.law.is_linear:
+        lanes, doubles = default_batch_engine(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = batch_solver(section, parameters, lanes)
         with suppress(NoConnectionError, NoSuchCycleError, AccuracyError):
@@ -491,10 +491,10 @@ def _cycles_at_speeds(
             if section is LIBRATING:
                 followed = LibratingFamily(parameters, engine, solve)
             else:
-                followed = RotatingFamily(parameters, engine, disk_locator.omega_h, solve)
+                followed = RotatingFamily(parameters, engine, locator.omega_h, solve)
                 followed.reach(max(doubles))
             by_speed = FamilyInterpolant(followed, lanes).results(
-                doubles, _DIGITS_IN_LANES[section.name]
+                doubles, _BATCH_DIGITS[section.name]
             )
     for speed, cycles in zip(speeds, by_speed, strict=True):
         rows: Sequence[C | MissingCycle]
@@ -505,7 +505,7 @@ def _cycles_at_speeds(
         yield from rows
 
 
-def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
+def _overview(locator: CycleLocator, half_widths: bool) -> Iterator[LimitCycle]:
     """Yield librating limit cycles along the whole family, closer together towards the ends of its
     pieces.
 
@@ -513,25 +513,27 @@ def _overview(disk_locator: Locator, half_widths: bool) -> Iterator[LimitCycle]:
     short for that is left out.
     """
     try:
-        family = disk_locator.librating_family
+        family = locator.librating_family
     except NoSuchCycleError as fault:  # the caller named no speed
         raise AccuracyError(str(fault)) from None
-    breaks = family.breaks
-    for piece in range(len(breaks) - 1):
-        share = (breaks[piece + 1] - breaks[piece]) / (breaks[-1] - breaks[0])
+    ends_and_folds = family.ends_and_folds
+    for piece in range(len(ends_and_folds) - 1):
+        share = (ends_and_folds[piece + 1] - ends_and_folds[piece]) / (
+            ends_and_folds[-1] - ends_and_folds[0]
+        )
         count = max(_MIN_SPEEDS_PER_PIECE, round(DEFAULT_COUNT * share))
-        yield from _piece(disk_locator, piece, count, half_widths)
+        yield from _piece(locator, piece, count, half_widths)
 
 
 def _piece(
-    disk_locator: Locator, piece: int, count: int, half_widths: bool
+    locator: CycleLocator, piece: int, count: int, half_widths: bool
 ) -> Iterator[LimitCycle]:
     """Yield ``count`` librating limit cycles on one piece of the family, closer together towards
     its ends.
 
     They stay away from the ends as those of `_overview` do. A piece that is too short has none.
     """
-    (_, begin), (name, end) = disk_locator.librating_family.ends[piece : piece + 2]
+    (_, begin), (name, end) = locator.librating_family.ends[piece : piece + 2]
     margin, closest = (end - begin) / 1000, 2 * float(MIN_SHOOTING_DISTANCE)
     first = begin + math.copysign(max(abs(margin), _MIN_DISTANCE * begin), margin)
     last = end - math.copysign(
@@ -542,8 +544,8 @@ def _piece(
     for n in range(count):
         place = (2 * n - count + 1) / (count - 1)
         omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-        location = disk_locator.librating_at(Fraction(omega))
-        for start in location.starts:
+        location = locator.librating_at(Fraction(omega))
+        for start in location.guesses:
             if start.piece == piece:
                 yield location.cycle(start, half_widths=half_widths)
 
@@ -573,34 +575,34 @@ def rotating_branch(
     Raises:
         InputError: If a speed is not a positive decimal.
     """
-    disk_locator = locator_of(parameters, engine)
+    locator = cached_locator(parameters, engine)
     if omegas is None:
-        return _rotating_overview(disk_locator, half_widths)
+        return _rotating_overview(locator, half_widths)
     return _cycles_at_speeds(
-        disk_locator,
+        locator,
         ROTATING,
-        lambda speed: disk_locator.rotating_at(speed).cycles(half_widths=half_widths),
+        lambda speed: locator.rotating_at(speed).cycles(half_widths=half_widths),
         checked_speeds(omegas),
     )
 
 
-def _rotating_overview(disk_locator: Locator, half_widths: bool) -> Iterator[RotatingCycle]:
+def _rotating_overview(locator: CycleLocator, half_widths: bool) -> Iterator[RotatingCycle]:
     """Yield an overview of the rotating cycles: stable ones from Omega_h down to the fold, then
     unstable ones upward.
 
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """
-    family, half = disk_locator.rotating_family, DEFAULT_ROTATIONS // 2
+    family, half = locator.rotating_family, DEFAULT_ROTATIONS // 2
     fold = Fraction(float(rotation_fold(family).omega))
     below, beyond = (
         family.omega_h - fold,
-        omega_crit(disk_locator.parameters, 20).value + Fraction(1, 2) - fold,
+        omega_crit(locator.parameters, 20).value + Fraction(1, 2) - fold,
     )
     for n in range(half, 0, -1):
-        yield from disk_locator.rotating_at(
+        yield from locator.rotating_at(
             fold + below * Fraction(n * n, half * half + 1), stable=True
         ).cycles(half_widths=half_widths)
     for n in range(1, half + 1):
-        yield from disk_locator.rotating_at(
+        yield from locator.rotating_at(
             fold + beyond * Fraction(n * n, half * half), stable=False
         ).cycles(half_widths=half_widths)

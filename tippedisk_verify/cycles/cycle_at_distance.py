@@ -7,13 +7,16 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import Location, Locator, locator_of
+from tippedisk_verify.cycles.locator import CycleLocator, LocatedCycles, cached_locator
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
     MIN_SHOOTING_DISTANCE,
     cycle_near_omega_h,
-    with_speed,
+    with_uncertainty_of_omega_h,
 )
-from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages, shared_digits
+from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
+    cycle_by_passages,
+    rounded_up_digits,
+)
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -30,8 +33,8 @@ __all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]
 C = TypeVar("C", bound=Cycle)
 
 # rad/s; closer, passages give twelve digits. From here on 64 bits suffice.
-_BY_PASSAGES = 4 * MIN_SHOOTING_DISTANCE
-_BY_OMEGA_H = 0.3  # the share of the time for a cycle that is over once Omega_h is known
+_MAX_PASSAGE_DISTANCE = 4 * MIN_SHOOTING_DISTANCE
+_OMEGA_H_TIME_SHARE = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
 
 
@@ -86,37 +89,39 @@ def _next_to_omega_h(
     above = section is LIBRATING
     side, cycles = ("above", "limit cycles") if above else ("below", "stable rotating cycles")
     distance, omega_h_digits = _checked_distance(offset, side, digits)
-    if distance < _BY_PASSAGES:
+    if distance < _MAX_PASSAGE_DISTANCE:
         place = distance if above else -distance
         passing = cycle_by_passages(section, parameters, place, engine, digits, from_omega_h=True)
         if passing is not None:
             return passing
-    disk_locator = locator_of(parameters, engine)
-    branch_length = _branch_length(section, disk_locator)
+    locator = cached_locator(parameters, engine)
+    branch_length = _branch_length(section, locator)
     if distance >= branch_length:
         raise NoSuchCycleError(
             f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
             f"{short_text(offset)}"
         )
-    with subrange(0, _BY_OMEGA_H):
-        omega_h = splitting_zero(parameters, disk_locator.omega_h, engine, omega_h_digits).omega_h
+    with subrange(0, _OMEGA_H_TIME_SHARE):
+        omega_h = splitting_zero(parameters, locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
-    with subrange(_BY_OMEGA_H, 1):
+    with subrange(_OMEGA_H_TIME_SHARE, 1):
         if distance < MIN_SHOOTING_DISTANCE:  # the branch leads there: the family is not needed
             at_speed = cycle_near_omega_h(
                 section, parameters, omega, omega_h.value, engine, digits=digits
             )
         else:
-            location: Location[Any] = (
-                disk_locator.librating_at(omega, omega_h.value)
+            location: LocatedCycles[Any] = (
+                locator.librating_at(omega, omega_h.value)
                 if above
-                else disk_locator.rotating_at(omega, stable=True, omega_h=omega_h.value)
+                else locator.rotating_at(omega, stable=True, omega_h=omega_h.value)
             )
-            if not location.starts:
-                raise NoSuchCycleError(location.refusal)
-            at_speed = location.cycle(location.starts[-1], digits)
-    cycle: C = with_speed(at_speed, section, omega_h, distance, branch_length, engine)
+            if not location.guesses:
+                raise NoSuchCycleError(location.reason_for_none)
+            at_speed = location.cycle(location.guesses[-1], digits)
+    cycle: C = with_uncertainty_of_omega_h(
+        at_speed, section, omega_h, distance, branch_length, engine
+    )
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(
             f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}"
@@ -124,20 +129,20 @@ def _next_to_omega_h(
     return cycle
 
 
-def _branch_length(section: Section[Any], disk_locator: Locator) -> Fraction:
+def _branch_length(section: Section[Any], locator: CycleLocator) -> Fraction:
     """Return the length [rad/s] of the range of speeds over which limit cycles exist next to
     Omega_h.
 
     It is the length of the piece of the family that ends at Omega_h. Raises NoSuchCycleError if the
     piece lies on the other side of Omega_h.
     """
-    omega_h = disk_locator.omega_h
+    omega_h = locator.omega_h
     if section is ROTATING:
-        return omega_h - Fraction(disk_locator.rotating_family.near_fold().omega)
-    if criticality(disk_locator.parameters) == "supercritical" and disk_locator.connection_attracts:
+        return omega_h - Fraction(locator.rotating_family.fold_guess().omega)
+    if criticality(locator.parameters) == "supercritical" and locator.connection_attracts:
         # Mostly there is no fold, and any fold lies in between.
-        return omega_crit(disk_locator.parameters, 20).value - omega_h
-    (_, start), (_, end) = disk_locator.librating_family.ends[-2:]
+        return omega_crit(locator.parameters, 20).value - omega_h
+    (_, start), (_, end) = locator.librating_family.ends[-2:]
     if start < end:
         raise NoSuchCycleError(
             f"next to Omega_h = {end:.10g} rad/s the limit cycles of this disk lie below it, down "
@@ -173,4 +178,4 @@ def _checked_distance(offset: object, side: str, digits: int) -> tuple[Fraction,
         )
     # The speed must be right to the digits asked for, and T depends on the logarithm of the
     # distance.
-    return value, shared_digits(zeros + digits + 6)
+    return value, rounded_up_digits(zeros + digits + 6)

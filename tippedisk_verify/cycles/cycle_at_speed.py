@@ -1,6 +1,6 @@
 """The cycle that a user asks for at a speed: `Disk.limit_cycle` and `Disk.rotating_cycle`.
 
-Most are found by shooting from a law. The others need the disk's families, which `locator_of`
+Most are found by shooting from a law. The others need the disk's families, which `cached_locator`
 keeps.
 """
 
@@ -14,7 +14,12 @@ from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.shooting.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting.shoot import NEAR_THE_LAW, NEWBORN, amplitude_law_guess, shoot
+from tippedisk_verify.cycles.shooting.shoot import (
+    MAX_DISTANCE_FROM_LAW,
+    NEWBORN_DISTANCE,
+    amplitude_law_guess,
+    shoot,
+)
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
@@ -23,19 +28,19 @@ from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.theory.hopf import distance_below_crit
 
 if TYPE_CHECKING:
-    from tippedisk_verify.cycles.locator import Locator
+    from tippedisk_verify.cycles.locator import CycleLocator
 
 __all__ = ["cycle_at", "cycles_at", "rotating_cycle"]
 
 
-def _locator(parameters: Parameters, engine: Engine) -> Locator:
-    """Return the disk's `Locator`, which is cached.
+def _locator(parameters: Parameters, engine: Engine) -> CycleLocator:
+    """Return the disk's `CycleLocator`, which is cached.
 
     It is imported here, because most speeds need neither it nor the families that it loads.
     """
-    from tippedisk_verify.cycles.locator import locator_of
+    from tippedisk_verify.cycles.locator import cached_locator
 
-    return locator_of(parameters, engine)
+    return cached_locator(parameters, engine)
 
 
 def cycle_at(
@@ -68,20 +73,22 @@ def cycle_at(
     digits = checked_digits(digits)
     cycle: LimitCycle | None = None
     newborn = (
-        abs(distance_below_crit(parameters, speed)) < NEWBORN
+        abs(distance_below_crit(parameters, speed)) < NEWBORN_DISTANCE
         and not _locator(parameters, engine).no_family_reason
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
         return_map, fixed_point = ReturnMap(LIBRATING, parameters, speed, engine), None
         with suppress(NoSuchCycleError):
-            fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
+            fixed_point = shoot(
+                return_map, amplitude_law_guess(return_map), within=MAX_DISTANCE_FROM_LAW
+            )
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
     location = _locator(parameters, engine).librating_at(speed)
-    if cycle and stable is None and not location.starts:
+    if cycle and stable is None and not location.guesses:
         return cycle
     cycles = location.cycles(digits, half_widths=half_widths)
     wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
@@ -112,7 +119,7 @@ def cycles_at(
         AccuracyError: If the digits are not reached.
     """
     location = _locator(parameters, engine).librating_at(omega)
-    if location.starts:
+    if location.guesses:
         return location.cycles(half_widths=half_widths)
     return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
 

@@ -49,7 +49,7 @@ class Cycle(Printable):
     """
 
     coordinates: ClassVar[tuple[str, str]]  #: names of the two coordinates on the section
-    fixed: ClassVar[int]  #: the component of the shifted state that is zero there
+    zero_component: ClassVar[int]  #: the component of the shifted state that is zero there
     symmetric: ClassVar[bool]  #: True if the cycle is its own image under the point symmetry
 
     omega: Measured = field(metadata=quantity("the spinning speed", "rad/s"))
@@ -105,7 +105,7 @@ class Cycle(Printable):
         starts.
         """
         start: list[Measured] = [getattr(self, name) for name in self.coordinates]
-        start.insert(self.fixed, Measured(Fraction(0), Fraction(0)))
+        start.insert(self.zero_component, Measured(Fraction(0), Fraction(0)))
         return start
 
     @cached_property
@@ -288,7 +288,7 @@ class LimitCycle(Cycle):
     is its own image under the point symmetry.
     """
 
-    coordinates, fixed, symmetric = ("gamma_bar_0", "v_0"), 0, True
+    coordinates, zero_component, symmetric = ("gamma_bar_0", "v_0"), 0, True
     _first = ("omega", "period", *coordinates, "stable")
 
     gamma_bar_0: Measured = field(
@@ -309,7 +309,7 @@ class RotatingCycle(Cycle):
     with falling gamma.
     """
 
-    coordinates, fixed, symmetric = ("beta_bar_top", "v_top"), 1, False
+    coordinates, zero_component, symmetric = ("beta_bar_top", "v_top"), 1, False
     _first = ("omega", "period", *coordinates, "beta_bar_0", "v_0", "stable")
 
     beta_bar_top: Measured = field(

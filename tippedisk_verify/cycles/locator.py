@@ -1,7 +1,7 @@
-"""Where the limit cycles of a disk are: its families, the starts for shooting at a speed, or the
+"""Where the limit cycles of a disk are: its families, the guesses for shooting at a speed, or the
 message that there is no cycle.
 
-The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `Locator` finds these
+The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `CycleLocator` finds these
 families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a
 speed is so close to Omega_h that doubles do not show the side.
 """
@@ -28,11 +28,11 @@ from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
     cycle_by_passages,
     omega_h_resolving,
 )
-from tippedisk_verify.cycles.shooting.error_budget import MORE_DIGITS, cycle_to_digits, wider_cycle
+from tippedisk_verify.cycles.shooting.error_budget import EXTRA_DIGITS, cycle_to_digits, wider_cycle
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting.shoot import NEWBORN, shoot
+from tippedisk_verify.cycles.shooting.shoot import NEWBORN_DISTANCE, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -40,7 +40,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["Location", "Locator", "locator_of"]
+__all__ = ["CycleLocator", "LocatedCycles", "cached_locator"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -58,19 +58,19 @@ _MAX_DISKS = 16  # disks in the cache
 
 
 @dataclass(frozen=True)
-class Location(Generic[C]):
+class LocatedCycles(Generic[C]):
     """The limit cycles of one kind that a search has located at one speed.
 
-    It has the starts for shooting, or the reason why there are no cycles.
+    It has the guesses for shooting, or the reason why there are no cycles.
     """
 
     section: Section[C]
     parameters: Parameters
     engine: Engine
     omega: Fraction  #: [rad/s]
-    starts: tuple[CycleGuess, ...]  #: the starts, in the order of their pieces
-    refusal: str = ""  #: the message if there is no start
-    #: [rad/s], to digits that show the side, if a start has no guess
+    guesses: tuple[CycleGuess, ...]  #: in the order of their pieces
+    reason_for_none: str = ""  #: the message if there is no guess
+    #: [rad/s], to digits that show the side, if a guess has no coordinates
     omega_h: Fraction | None = None
 
     def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
@@ -85,15 +85,15 @@ class Location(Generic[C]):
             AccuracyError: If doubles cannot separate two cycles at a fold, or the digits are not
                 reached.
         """
-        if not self.starts:
-            raise NoSuchCycleError(self.refusal)
-        return [self.cycle(start, digits, half_widths=half_widths) for start in self.starts]
+        if not self.guesses:
+            raise NoSuchCycleError(self.reason_for_none)
+        return [self.cycle(guess, digits, half_widths=half_widths) for guess in self.guesses]
 
-    def cycle(self, start: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
-        """Compute the limit cycle to which one of the starts leads, to ``digits`` digits.
+    def cycle(self, guess: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
+        """Compute the limit cycle to which one of the guesses leads, to ``digits`` digits.
 
         Args:
-            start: One of the starts.
+            guess: One of the guesses.
             digits: The significant digits wanted.
             half_widths: If False, the numbers have no half-widths.
 
@@ -102,7 +102,7 @@ class Location(Generic[C]):
             AccuracyError: If doubles cannot separate the cycle from its neighbour at a fold, or the
                 digits are not reached.
         """
-        if not start.is_in_double:
+        if not guess.has_coordinates:
             passing = cycle_by_passages(
                 self.section, self.parameters, self.omega, self.engine, digits
             )
@@ -114,26 +114,30 @@ class Location(Generic[C]):
             )
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
-            if start.zeros:
-                newborn = FixedPoint(return_map, start.start, return_map(start.start), ())
-                cycle = wider_cycle(newborn, digits, MORE_DIGITS + start.zeros)
+            if guess.zeros_of_distance:
+                newborn = FixedPoint(
+                    return_map, guess.coordinates, return_map(guess.coordinates), ()
+                )
+                cycle = wider_cycle(newborn, digits, EXTRA_DIGITS + guess.zeros_of_distance)
             else:
                 cycle = cycle_to_digits(
-                    shoot(return_map, start.start), digits, half_widths=half_widths
+                    shoot(return_map, guess.coordinates), digits, half_widths=half_widths
                 )
         except AccuracyError as fault:
             others = [
-                other.start[0] for other in self.starts if other.is_in_double and other is not start
+                other.coordinates[0]
+                for other in self.guesses
+                if other.has_coordinates and other is not guess
             ]
-            if not any(abs(other - start.start[0]) < _FOLD_NEIGHBOURHOOD for other in others):
+            if not any(abs(other - guess.coordinates[0]) < _FOLD_NEIGHBOURHOOD for other in others):
                 raise
             raise AccuracyError(
                 f"{fault}; the speed is next to a fold, where two cycles meet"
             ) from None
-        rate = getattr(cycle, f"d{self.section.names[0]}_domega")
+        rate = getattr(cycle, f"d{self.section.coordinate_names[0]}_domega")
         if (
             rate.is_measured
-            and not (-rate.value if start.omega_falls else rate.value) > rate.uncertainty
+            and not (-rate.value if guess.omega_falls else rate.value) > rate.uncertainty
         ):
             raise AccuracyError(
                 f"{float(self.omega):.17g} rad/s is so close to a fold that doubles cannot tell "
@@ -142,7 +146,7 @@ class Location(Generic[C]):
         return cycle
 
 
-class Locator:
+class CycleLocator:
     """The families of limit cycles of one disk under its friction law, and Omega_h.
 
     It locates the cycles at any speed. Families and Omega_h are computed on first use.
@@ -206,7 +210,7 @@ class Locator:
 
     def librating_at(
         self, omega: Fraction, omega_h: Fraction | None = None
-    ) -> Location[LimitCycle]:
+    ) -> LocatedCycles[LimitCycle]:
         """Locate the librating limit cycles, about inverted spinning, at a speed.
 
         Args:
@@ -214,12 +218,12 @@ class Locator:
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
 
         Returns:
-            The starts for shooting, or the reason why there is none.
+            The guesses for shooting, or the reason why there is none.
 
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
         """
-        location = Location(
+        location = LocatedCycles(
             LIBRATING, self.parameters, self.engine, omega, (), self.no_family_reason, omega_h
         )
         if self.no_family_reason:
@@ -228,11 +232,11 @@ class Locator:
                     return self._next_to_omega_h(location, 0, above=self.connection_attracts)
             return location
         family = self.librating_family
-        starts = list(family.guesses(float(omega)))
-        if not any(start.piece == 0 for start in starts):
-            starts[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
-        refusal = _no_libration(family, float(omega))
-        location = replace(location, refusal=refusal, starts=tuple(starts))
+        guesses = list(family.guesses(float(omega)))
+        if not any(guess.piece == 0 for guess in guesses):
+            guesses[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
+        reason_for_none = _no_libration(family, float(omega))
+        location = replace(location, reason_for_none=reason_for_none, guesses=tuple(guesses))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
                 return self._next_to_omega_h(
@@ -242,7 +246,7 @@ class Locator:
 
     def rotating_at(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
-    ) -> Location[RotatingCycle]:
+    ) -> LocatedCycles[RotatingCycle]:
         """Locate the rotating cycles at a speed, the stable one before the fold first.
 
         Args:
@@ -251,7 +255,7 @@ class Locator:
             omega_h: A better Omega_h than the locator's own [rad/s], if the caller has one.
 
         Returns:
-            The starts for shooting, or the reason why there is none.
+            The guesses for shooting, or the reason why there is none.
 
         Raises:
             NoSuchCycleError: If the family cannot be followed.
@@ -260,24 +264,28 @@ class Locator:
         """
         family, speed = self.rotating_family, float(omega)
         too_close = stable is not False and abs(omega - family.omega_h) < MIN_SHOOTING_DISTANCE
-        starts, refusal = list[CycleGuess](), ""
+        guesses, reason_for_none = list[CycleGuess](), ""
         if not too_close or stable is None:
             try:
-                starts.extend(family.followed_guesses(speed, stable=False if too_close else stable))
-                refusal = _no_rotation(family, omega, stable)
+                guesses.extend(
+                    family.followed_guesses(speed, stable=False if too_close else stable)
+                )
+                reason_for_none = _no_rotation(family, omega, stable)
             except NoSuchCycleError as fault:
-                refusal = str(fault)
-        location = Location(
-            ROTATING, self.parameters, self.engine, omega, tuple(starts), refusal, omega_h
+                reason_for_none = str(fault)
+        location = LocatedCycles(
+            ROTATING, self.parameters, self.engine, omega, tuple(guesses), reason_for_none, omega_h
         )
         return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
-    def _next_to_omega_h(self, location: Location[C], piece: int, *, above: bool) -> Location[C]:
+    def _next_to_omega_h(
+        self, location: LocatedCycles[C], piece: int, *, above: bool
+    ) -> LocatedCycles[C]:
         """Return the ``location`` of the cycles at a speed so close to Omega_h that doubles do not
         show on which side the speed is, corrected for the true side.
 
         ``piece`` is the number of the family's piece that ends at Omega_h. Its cycles lie ``above``
-        Omega_h, or below. If the speed is on their side, the piece gets a start without a guess.
+        Omega_h, or below. If the speed is on their side, the piece gets a guess without coordinates.
         Otherwise it gets none.
 
         Raises AccuracyError if Omega_h has too few digits.
@@ -285,21 +293,23 @@ class Locator:
         omega, omega_h = location.omega, location.omega_h
         if omega_h is None:
             omega_h = omega_h_resolving(self.parameters, omega, self.engine).value
-        starts = [start for start in location.starts if start.piece != piece]
-        refusal = location.refusal
+        guesses = [guess for guess in location.guesses if guess.piece != piece]
+        reason_for_none = location.reason_for_none
         if (omega > omega_h) is above:
-            starts.insert(piece, CycleGuess.next_to_omega_h(omega, piece))
+            guesses.insert(piece, CycleGuess.without_coordinates(omega, piece))
         else:
             kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
-            refusal = (
+            reason_for_none = (
                 f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
             )
-        return replace(location, starts=tuple(starts), refusal=refusal, omega_h=omega_h)
+        return replace(
+            location, guesses=tuple(guesses), reason_for_none=reason_for_none, omega_h=omega_h
+        )
 
 
 def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
-    """Return a start for the limit cycle between the Hopf point and the family's first node, in a
+    """Return a guess for the limit cycle between the Hopf point and the family's first node, in a
     list.
 
     The list is empty if no cycle lies there. ``below_crit`` is Omega_crit less the speed [rad/s].
@@ -316,7 +326,12 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
             f"limit cycles are offered down to 1e-{_MAX_NEWBORN_ZEROS} rad/s from Omega_crit: ask "
             f"for one farther away"
         )
-    return [replace(family.newborn(float(distance)), zeros=zeros if distance < NEWBORN else 0)]
+    return [
+        replace(
+            family.newborn(float(distance)),
+            zeros_of_distance=zeros if distance < NEWBORN_DISTANCE else 0,
+        )
+    ]
 
 
 def _no_libration(family: LibratingFamily, omega: float) -> str:
@@ -355,22 +370,22 @@ def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -
             f"below Omega_h, "
             f"{float(family.omega_h):.10g} rad/s"
         )
-    fold = family.near_fold().omega
+    fold = family.fold_guess().omega
     return f"the rotating cycles turn round in a fold near {fold:.6g} rad/s, above {float(omega):.10g} rad/s"
 
 
 class _ThreadLocators(threading.local):
-    """The `Locator` objects that each thread keeps, because engines belong to one thread."""
+    """The `CycleLocator` objects that each thread keeps, because engines belong to one thread."""
 
     def __init__(self) -> None:
-        self.locators: dict[tuple[type, Parameters, str], Locator] = {}
+        self.locators: dict[tuple[type, Parameters, str], CycleLocator] = {}
 
 
 _LOCATORS = _ThreadLocators()
 
 
-def locator_of(parameters: Parameters, engine: Engine) -> Locator:
-    """Return this thread's `Locator` of a disk.
+def cached_locator(parameters: Parameters, engine: Engine) -> CycleLocator:
+    """Return this thread's `CycleLocator` of a disk.
 
     The last few are kept, so calls with the same disk, friction law and engine name share one.
 
@@ -382,5 +397,5 @@ def locator_of(parameters: Parameters, engine: Engine) -> Locator:
     if key not in locators:
         if len(locators) >= _MAX_DISKS:
             del locators[next(iter(locators))]
-        locators[key] = Locator(parameters, engine)
+        locators[key] = CycleLocator(parameters, engine)
     return locators[key]

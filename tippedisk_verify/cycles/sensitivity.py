@@ -137,7 +137,7 @@ def _scale(cycle: Cycle, section: Section[Any]) -> float:
         cycle.omega.value
         * getattr(cycle, f"d{name}_domega").value
         / (getattr(cycle, name).value or 1)
-        for name in ("period", *section.names)
+        for name in ("period", *section.coordinate_names)
     )
     return 1 / max(1.0, *(abs(float(ratio)) for ratio in ratios))
 
@@ -153,13 +153,13 @@ def _derivatives(
     one arithmetic, by number and parameter.
     """
     own = ReturnMap(section, cycle.parameters, cycle.omega.value, default_engine(), precision)
-    start = tuple(precision.number(getattr(cycle, name).value) for name in section.names)
+    start = tuple(precision.number(getattr(cycle, name).value) for name in section.coordinate_names)
     point, _ = iterate_until_rounding(own, FixedPoint(own, start, own(start)))
     values = {symbol: getattr(cycle.parameters, symbol) for symbol in SYMBOLS}
     values["omega"] = cycle.omega.value
     steps = {symbol: Fraction(scale) * value for symbol, value in values.items()}
     near_saddle = section.saddle_scale([float(x) for x in point])
-    for name, x in zip(section.names, map(fraction, point), strict=True):
+    for name, x in zip(section.coordinate_names, map(fraction, point), strict=True):
         values[name], steps[name] = x, Fraction(min(1.0, abs(float(x)), near_saddle))
     share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
 
@@ -172,7 +172,9 @@ def _derivatives(
         at = {**values, moved: values[moved] + shift}
         disk = cycle.parameters.changed(**{symbol: at[symbol] for symbol in SYMBOLS})
         return_map = ReturnMap(section, disk, at["omega"], own.engine, precision)
-        image = return_map(place := tuple(precision.number(at[name]) for name in section.names))
+        image = return_map(
+            place := tuple(precision.number(at[name]) for name in section.coordinate_names)
+        )
         table = numbers_at(return_map, place, image)
         table |= zip(_RESIDUALS, image.residual, strict=True)
         return {name: fraction(number) for name, number in table.items()}
@@ -190,7 +192,7 @@ def _derivatives(
 
     slopes = {moved: differences(moved) for moved in values}
     (a, b), (c, d) = (map(fraction, row) for row in own(point).matrix)
-    by_first, by_second = (slopes.pop(name) for name in section.names)
+    by_first, by_second = (slopes.pop(name) for name in section.coordinate_names)
     derivatives: dict[str, dict[str, Fraction]] = {}
     for symbol, row in slopes.items():
         first, second = (row[name] / ((a - 1) * (d - 1) - b * c) for name in _RESIDUALS)

@@ -13,7 +13,7 @@ from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.cycles.branch import cycles_found, librating_branch, rotating_branch
 from tippedisk_verify.cycles.families.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import locator_of
+from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.figures.exhibit import Drawing, Exhibit, by_curve
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, RED, figure_with_axes
@@ -231,7 +231,7 @@ def scenario_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     """
     parameters, name, engine = audit.parameters, audit.parameters.name, audit.engine
     omega_h, birth = audit.omega_h(name), _hopf_row(parameters)
-    fold = fold_in_double(locator_of(parameters, engine).rotating_family)
+    fold = fold_in_double(cached_locator(parameters, engine).rotating_family)
     lowest = Fraction(fold["omega"])
     gap = omega_h.value - lowest
     # Curves are steepest at the fold and next to Omega_h, so the speeds are densest there.

@@ -127,13 +127,13 @@ class Collocation:
             else numpy.array([self.ctx.mpf(x) for x in value])
         )
 
-    def differentiated(self, samples: Any) -> Any:
+    def derivative_at_samples(self, samples: Any) -> Any:
         """Return the derivative of a periodic function with respect to the angle, at the samples,
         from its values there.
         """
-        return self._applied(self.slope, samples)
+        return self._matrix_product(self.slope, samples)
 
-    def _applied(self, rows: Any, samples: Any) -> Any:
+    def _matrix_product(self, rows: Any, samples: Any) -> Any:
         """Return the product of a matrix and a vector of samples, whose entries are of order one.
 
         Above double the product is in whole numbers, which are far faster than mpmath's.
@@ -157,8 +157,8 @@ class Collocation:
         and Omega (the ``point``).
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
-        swing = omega / frequency * self._applied(self.integral, self.sin(beta))
-        return self._growth + swing, frequency * self.differentiated(beta)
+        swing = omega / frequency * self._matrix_product(self.integral, self.sin(beta))
+        return self._growth + swing, frequency * self.derivative_at_samples(beta)
 
     def residual(self, point: Any) -> Any:
         """Return the residuals (n + 1,) of the collocation equations at a point; they are zero for
@@ -170,7 +170,7 @@ class Collocation:
         gamma, v = self.motion(point)
         rate = field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[2]
         closing = omega * self._mean(self.sin(beta)) - self.kind.rotations * frequency
-        return numpy.append(frequency * self.differentiated(v) - rate, closing)
+        return numpy.append(frequency * self.derivative_at_samples(v) - rate, closing)
 
     def slopes(self, point: Any) -> tuple[Any, Any, Any]:
         """Return the acceleration's derivatives with respect to beta, gamma and v, each at the
@@ -190,8 +190,10 @@ class Collocation:
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         tilt = self.cos(beta) * change[:-1] - self.sin(beta) * (change[-1] / frequency)
-        rate = frequency * self.differentiated(change[:-1]) + change[-1] * self.differentiated(beta)
-        return omega / frequency * self._applied(self.integral, tilt), rate
+        rate = frequency * self.derivative_at_samples(change[:-1]) + change[
+            -1
+        ] * self.derivative_at_samples(beta)
+        return omega / frequency * self._matrix_product(self.integral, tilt), rate
 
     def along(self, point: Any, change: Any) -> Any:
         """Return the derivative (n + 1,) of the collocation equations' residual when a point moves
@@ -204,8 +206,8 @@ class Collocation:
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         by_beta, by_gamma, by_v = self.slopes(point)
         turned, rate = self.motion_along(point, change)
-        acceleration = self.differentiated(
-            frequency * rate + change[-1] * frequency * self.differentiated(beta)
+        acceleration = self.derivative_at_samples(
+            frequency * rate + change[-1] * frequency * self.derivative_at_samples(beta)
         )
         closing = (
             omega * self._mean(self.cos(beta) * change[:-1]) - self.kind.rotations * change[-1]

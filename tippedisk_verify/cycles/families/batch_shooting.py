@@ -61,26 +61,26 @@ class BatchCycles:
     @property
     def coordinate(self) -> Array:
         """The first coordinate on the section of each cycle in the batch (n,)."""
-        return self.numbers[self.section.names[0]]
+        return self.numbers[self.section.coordinate_names[0]]
 
     @property
     def slope(self) -> Any:
         """The size of dOmega / d(first coordinate) along the family, at each cycle in the batch
         (n,).
         """
-        return 1 / numpy.abs(self.numbers[f"d{self.section.names[0]}_domega"])
+        return 1 / numpy.abs(self.numbers[f"d{self.section.coordinate_names[0]}_domega"])
 
     @property
     def guess(self) -> Any:
         """The start (3, n) from which Newton's iteration finds these cycles again: both coordinates
         and the flight time.
         """
-        first, second = (self.numbers[name] for name in self.section.names)
+        first, second = (self.numbers[name] for name in self.section.coordinate_names)
         return numpy.stack(
             (first, second, self.numbers["period"] / self.section.flights_per_period)
         )
 
-    def only(self, which: Any) -> BatchCycles:
+    def select(self, which: Any) -> BatchCycles:
         """Return a batch with some of these cycles.
 
         Args:
@@ -95,9 +95,9 @@ def shoot_batch(
     constants: Any,
     omegas: Any,
     guess: Any,
-    lanes: BatchTaylor,
+    batch_engine: BatchTaylor,
     *,
-    whole: bool = True,
+    all_numbers: bool = True,
     tolerance: Any = _SMALL_STEP,
     free_omega: bool = False,
 ) -> BatchCycles:
@@ -109,8 +109,8 @@ def shoot_batch(
         constants: The constants (6,) or (n, 6), see `flow.batch.field_constants`.
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
-        lanes: The engine of the flights.
-        whole: If False, leave out (NaN) the section's measures and the fast multiplier, which take
+        batch_engine: The engine of the flights.
+        all_numbers: If False, leave out (NaN) the section's measures and the fast multiplier, which take
             another flight.
         tolerance: The relative step that ends the iteration, one or (n,).
         free_omega: If True, fix the first coordinate instead of Omega.
@@ -121,13 +121,13 @@ def shoot_batch(
     unknowns = numpy.stack((*guess, omegas), axis=1).astype(float)
     count = len(unknowns)
     constants = numpy.broadcast_to(constants, (count, numpy.shape(constants)[-1]))
-    batch = _SectionBatch(section, constants, lanes, _FIRST if free_omega else _OMEGA)
+    batch = _SectionBatch(section, constants, batch_engine, _FIRST if free_omega else _OMEGA)
     converged, last = batch.solve(unknowns, numpy.broadcast_to(tolerance, count))
     flown = {
         name: numpy.full(count, numpy.nan)
         for name in (*(m.name for m in section.event_quantities), "divergence")
     }
-    if whole and converged.any():
+    if all_numbers and converged.any():
         for name, values in batch.event_quantities(unknowns, numpy.flatnonzero(converged)).items():
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
@@ -156,14 +156,19 @@ class _SectionBatch:
     """Newton's iteration for n cycles of one section at once, each with constants of its own (n,
     6).
 
-    The unknown (n, 4) numbered ``held`` is fixed.
+    The unknown (n, 4) numbered ``fixed_unknown`` is fixed.
     """
 
     def __init__(
-        self, section: Section[Any], constants: Array, lanes: BatchTaylor, held: int
+        self,
+        section: Section[Any],
+        constants: Array,
+        batch_engine: BatchTaylor,
+        fixed_unknown: int,
     ) -> None:
-        self._section, self._constants, self._lanes, self._held = section, constants, lanes, held
-        self._free = numpy.delete(numpy.arange(4), held)
+        self._section, self._constants = section, constants
+        self._batch_engine, self._fixed_unknown = batch_engine, fixed_unknown
+        self._free = numpy.delete(numpy.arange(4), fixed_unknown)
 
     def solve(self, unknowns: Array, tolerance: Array) -> tuple[Any, _NewtonStep]:
         """Solve for all cycles of the batch by Newton's iteration.
@@ -177,7 +182,7 @@ class _SectionBatch:
             *(numpy.full((count, *shape), numpy.nan) for shape in ((3,), (3,), (2, 2), (), ()))
         )
         converged = numpy.zeros(count, dtype=bool)
-        active = numpy.flatnonzero(self._possible(unknowns))
+        active = numpy.flatnonzero(self._may_continue(unknowns))
         # Below this the iteration is on its way to the equilibrium.
         smallest = numpy.abs(unknowns[:, 0]) / 5
         for _ in range(_MAX_STEPS):
@@ -187,11 +192,11 @@ class _SectionBatch:
             unknowns[numpy.ix_(active, self._free)] += step.step
             now = unknowns[active]
             sizes = numpy.abs(now[:, self._free])
-            if self._held == _OMEGA:
+            if self._fixed_unknown == _OMEGA:
                 # The coordinates and the time are of one order
                 sizes = sizes.max(axis=1, keepdims=True)
             relative = (numpy.abs(step.step) / sizes).max(axis=1)
-            inside = self._possible(now) & (now[:, 0] >= smallest[active])
+            inside = self._may_continue(now) & (now[:, 0] >= smallest[active])
             small = inside & (relative <= tolerance[active])
             converged[active[small]] = True
             for values, of_step in zip(last, step, strict=True):
@@ -200,13 +205,13 @@ class _SectionBatch:
         unknowns[~converged] = numpy.nan
         return converged, last
 
-    def _possible(self, unknowns: Array) -> Any:
+    def _may_continue(self, unknowns: Array) -> Any:
         """Return a mask of the runs whose iteration may go on: their unknowns are finite, the point
         is possible on the section, and flight time and speed are positive.
         """
         first, second, flight, omega = unknowns.T
         inside = (
-            self._section.possible(first, second)
+            self._section.allows_start(first, second)
             & (flight > 0)
             & (flight < _MAX_FLIGHT)
             & (omega > 0)
@@ -215,24 +220,24 @@ class _SectionBatch:
 
     def _starts(self, unknowns: Array) -> Array:
         starts = numpy.zeros((len(unknowns), 3))
-        starts[:, list(self._section.free)] = unknowns[:, :2]
+        starts[:, list(self._section.free_components)] = unknowns[:, :2]
         return starts
 
     def _step(self, unknowns: Array, runs: Any) -> _NewtonStep:
-        section, axes = self._section, list(self._section.free)
+        section, axes = self._section, list(self._section.free_components)
         constants, starts, omegas = (
             self._constants[runs],
             self._starts(unknowns),
             unknowns[:, _OMEGA],
         )
-        flights = self._lanes(
+        flights = self._batch_engine(
             constants, omegas, starts, unknowns[:, 2], shifted=True, variations=VARIATIONS
         )
         rows, rates = flights.derivatives, _rates(constants, omegas, flights.states)
         # The image of each flight's end less its start, (n, 3): (beta_bar, gamma_bar, v).
         errors = section.symmetry_sign * flights.states - starts
         for growth in section.growth:
-            errors[:, section.fixed] -= growth
+            errors[:, section.zero_component] -= growth
         matrix = section.symmetry_sign * numpy.concatenate(
             (rows[:, :, axes], rates[:, :, None], rows[:, :, 3:]), axis=2
         )
@@ -240,11 +245,11 @@ class _SectionBatch:
             matrix[:, axis, column] -= 1
         inverse = _inverse(matrix[:, :, self._free])
         by_held = numpy.ones_like(unknowns)
-        by_held[:, self._free] = -(inverse @ matrix[:, :, self._held, None])[:, :, 0]
+        by_held[:, self._free] = -(inverse @ matrix[:, :, self._fixed_unknown, None])[:, :, 0]
         with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
             by_omega = by_held[:, :3] / by_held[:, 3:]
         # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
-        times = -rows[:, section.fixed, axes] / rates[:, section.fixed, None]
+        times = -rows[:, section.zero_component, axes] / rates[:, section.zero_component, None]
         moved = [rows[:, axis, axes] + rates[:, axis, None] * times for axis in axes]
         # The Rayleigh quotient of the flow and the symmetry, on the flow's direction.
         direction = _rates(constants, omegas, starts)
@@ -267,7 +272,7 @@ class _SectionBatch:
         are arrays (k,).
         """
         states = unknowns[runs]
-        flights = self._lanes(
+        flights = self._batch_engine(
             self._constants[runs],
             states[:, _OMEGA],
             self._starts(states),

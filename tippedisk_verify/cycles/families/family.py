@@ -3,7 +3,7 @@ parameter.
 
 Omega may turn round along a family; the first coordinate does not. The abscissa is s, with
 
-    first coordinate = middle + half tanh(s).
+    first coordinate = centre + half_range tanh(s).
 
 The ratio of the two coordinates, the flight time and Omega are analytic in s. They are analytic
 towards the connection as well, where the distance from the saddle goes like exp(-2 |s|). They are
@@ -72,16 +72,16 @@ class CycleGuess:
     """
 
     #: Both coordinates; NaN next to Omega_h, where doubles do not have them
-    start: tuple[float, float]
+    coordinates: tuple[float, float]
     omega: float  #: [rad/s]
     piece: int  #: counted from where the family begins, one more after each fold
     omega_falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
     flight_time: float = math.nan  #: flight time of the section's map [s]
     #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
-    zeros: int = 0
+    zeros_of_distance: int = 0
 
     @classmethod
-    def next_to_omega_h(cls, omega: Fraction, piece: int = 0) -> CycleGuess:
+    def without_coordinates(cls, omega: Fraction, piece: int = 0) -> CycleGuess:
         """Return a `CycleGuess` for a cycle so close to the connection that doubles cannot separate
         them.
 
@@ -94,11 +94,11 @@ class CycleGuess:
         return cls((math.nan, math.nan), float(omega), piece, omega_falls=True)
 
     @property
-    def is_in_double(self) -> bool:
+    def has_coordinates(self) -> bool:
         """True if this approximate cycle has coordinates: doubles separate it from the
         connection.
         """
-        return not math.isnan(self.start[0])
+        return not math.isnan(self.coordinates[0])
 
 
 class Family:
@@ -107,11 +107,11 @@ class Family:
     Args:
         parameters: The disk and its friction law.
         engine: The engine of the flights.
-        solve: Finds cycles of chosen first coordinates.
+        solver: Finds cycles of chosen first coordinates.
         nodes: The number of nodes of a panel.
-        middle: The first coordinate at s = 0 [rad].
-        half: The factor of tanh(s) in the first coordinate [rad].
-        begin: One cycle: s, second coordinate / first, flight time, Omega, and the derivatives of
+        centre: The first coordinate at s = 0 [rad].
+        half_range: The factor of tanh(s) in the first coordinate [rad].
+        first_row: One cycle: s, second coordinate / first, flight time, Omega, and the derivatives of
             the last three with respect to s.
 
     Raises:
@@ -129,17 +129,17 @@ class Family:
         self,
         parameters: Parameters,
         engine: Engine,
-        solve: Solver,
+        solver: Solver,
         nodes: int,
-        middle: float,
-        half: float,
-        begin: Any,
+        centre: float,
+        half_range: float,
+        first_row: Any,
     ) -> None:
         self.parameters, self.engine, self.nodes_per_panel = parameters, engine, nodes
-        self._solve, self._middle, self._half = solve, middle, half
+        self._solver, self._centre, self._half_range = solver, centre, half_range
         # The rows from which the next panel is solved
-        self._rows = numpy.array([begin], dtype=float)
-        self._begin = float(begin[0])
+        self._rows = numpy.array([first_row], dtype=float)
+        self._first_abscissa = float(first_row[0])
         self._panels = numpy.empty((0, nodes, 7))
         angles = (2 * numpy.arange(nodes)[::-1] + 1) * numpy.pi / (2 * nodes)
         self._chebyshev = (1 + numpy.cos(angles)) / 2
@@ -149,20 +149,20 @@ class Family:
         """Return the first coordinate [rad] of the family's cycle with the parameter
         (abscissa) s.
         """
-        return self._middle + self._half * numpy.tanh(s)
+        return self._centre + self._half_range * numpy.tanh(s)
 
     def coordinate_rate(self, s: Any) -> Any:
         """Return the derivative of the cycles' first coordinate [rad] with respect to the family's
         parameter (abscissa) s.
         """
-        return self._half / numpy.cosh(s) ** 2
+        return self._half_range / numpy.cosh(s) ** 2
 
     def abscissa(self, coordinate: Any) -> Any:
         """Return the parameter (abscissa) s of the family's cycle with a first coordinate [rad].
 
         It is the inverse of `coordinate`.
         """
-        return numpy.arctanh((coordinate - self._middle) / self._half)
+        return numpy.arctanh((coordinate - self._centre) / self._half_range)
 
     # ----------------------------------------------------------------------------------- the panels
     def extend(self) -> None:
@@ -173,7 +173,7 @@ class Family:
             NoSuchCycleError: If the family is lost.
         """
         index = len(self._panels)
-        start, end = self._edge(index), self._edge(index + 1)
+        start, end = self._panel_edge(index), self._panel_edge(index + 1)
         wanted, rows = (
             start + (end - start) * self._chebyshev,
             numpy.empty((self.nodes_per_panel, 7)),
@@ -182,23 +182,25 @@ class Family:
         while solved < self.nodes_per_panel:
             group = self._solve_at(wanted[solved : solved + _GROUP_SIZE], rows_before)
             if not len(group):
-                rows_before = self._between(rows_before, wanted[solved])
+                rows_before = self._insert_between(rows_before, wanted[solved])
                 continue
             rows[solved : solved + len(group)] = group
             rows_before = numpy.concatenate((rows_before, group))
             solved += len(group)
         self._rows = rows
         self._panels = numpy.concatenate((self._panels, rows[None]))
-        for name in ("folds", "_sampled"):
+        for name in ("folds", "_inversion_samples"):
             self.__dict__.pop(name, None)
 
-    def _edge(self, index: int) -> float:
+    def _panel_edge(self, index: int) -> float:
         """Return the abscissa at which the family's panel with the number ``index`` begins."""
         return (
-            self._begin + _SHORT * min(index, _SHORT_PANELS) + _LONG * max(0, index - _SHORT_PANELS)
+            self._first_abscissa
+            + _SHORT * min(index, _SHORT_PANELS)
+            + _LONG * max(0, index - _SHORT_PANELS)
         )
 
-    def _between(self, rows: Array, target: float) -> Array:
+    def _insert_between(self, rows: Array, target: float) -> Array:
         """Return the solved cycles ``rows`` and more of them, on the way to an abscissa that was
         not reached.
 
@@ -224,7 +226,7 @@ class Family:
         guess = self._guess(s, rows)
         x, rate = self.coordinate(s), self.coordinate_rate(s)
         with numpy.errstate(invalid="ignore"):
-            solved = SolvedCycles(*self._solve(x, guess[0] * x, guess[1], guess[2]))
+            solved = SolvedCycles(*self._solver(x, guess[0] * x, guess[1], guess[2]))
             values = numpy.stack((solved.second / x, solved.flight_time, solved.omega))
             jumped = (numpy.abs(values - guess) > _MAX_JUMP * numpy.abs(guess)).any(axis=0)
             ratio_slope = (solved.second_slope - values[0]) / x
@@ -249,7 +251,7 @@ class Family:
         return (numpy.vander((s - s[0]) / size, degree + 1) @ coefficients).T
 
     def _lost_family_error(self, s: float) -> str:
-        name, first = self.section.names[0], self.coordinate(s)
+        name, first = self.section.coordinate_names[0], self.coordinate(s)
         return f"the family of {self.section.name} limit cycles could not be followed to {name} = {first:.6g} rad"
 
     # ---------------------------------------------------------------------------------- its numbers
@@ -266,7 +268,7 @@ class Family:
         """Interpolate the family at abscissas (k,): return second coordinate / first, flight time,
         Omega and dOmega/ds, (4, k).
         """
-        panels = numpy.searchsorted([self._edge(k) for k in range(1, len(self._panels))], s)
+        panels = numpy.searchsorted([self._panel_edge(k) for k in range(1, len(self._panels))], s)
         offset = s[:, None] - self._panels[panels, :, 0]
         offset[offset == 0] = 2.0**-80  # at a node only its own value counts
         ratios = self._weights / offset
@@ -292,7 +294,7 @@ class Family:
             turns.append(float(middle))
         return tuple(turns)
 
-    def to_fold(self, s: Array) -> Any:
+    def distance_to_fold(self, s: Array) -> Any:
         """Return the distance of cycles from the family's nearest fold, in the first coordinate
         [rad].
 
@@ -302,7 +304,7 @@ class Family:
         return numpy.abs(s[:, None] - folds).min(axis=1) * self.coordinate_rate(s)
 
     @property
-    def breaks(self) -> tuple[float, ...]:
+    def ends_and_folds(self) -> tuple[float, ...]:
         """The abscissas of the family's ends and folds. Between two of them Omega is monotonic."""
         s = self.nodes[:, 0]
         return (float(s[0]), *self.folds, float(s[-1]))
@@ -314,16 +316,16 @@ class Family:
 
         Where Omega falls, cycles are stable.
         """
-        omega = self.at(numpy.array(self.breaks))[2]
+        omega = self.at(numpy.array(self.ends_and_folds))[2]
         return [bool(end < begin) for begin, end in pairwise(omega)]
 
     @cached_property
-    def _sampled(self) -> list[tuple[Array, Array]]:
+    def _inversion_samples(self) -> list[tuple[Array, Array]]:
         """Samples of the family from which Omega(s) is inverted: Omega in rising order, and s, for
         each piece.
         """
         samples = []
-        for low, high in pairwise(self.breaks):
+        for low, high in pairwise(self.ends_and_folds):
             # Closer together towards both ends, at which Omega may be flat.
             s = (low + high) / 2 - (high - low) / 2 * numpy.cos(
                 numpy.linspace(0, numpy.pi, 2 * len(self.nodes))
@@ -344,7 +346,7 @@ class Family:
         """
         rows = []
         for (speeds, abscissas), (low, high) in zip(
-            self._sampled, pairwise(self.breaks), strict=True
+            self._inversion_samples, pairwise(self.ends_and_folds), strict=True
         ):
             s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
             inside = numpy.isfinite(s)
@@ -405,7 +407,9 @@ def _discontinuous_rows(new: Array, rows: Array) -> Any:
 
 
 # -------------------------------------------------------------------------------------- the solvers
-def batch_solver(section: Section[Any], parameters: Parameters, lanes: BatchTaylor) -> Solver:
+def batch_solver(
+    section: Section[Any], parameters: Parameters, batch_engine: BatchTaylor
+) -> Solver:
     """Return a function that solves for many limit cycles of given first coordinates at once.
 
     It runs Newton's iteration on all flights together. The second coordinate, the flight time and
@@ -414,19 +418,26 @@ def batch_solver(section: Section[Any], parameters: Parameters, lanes: BatchTayl
     Args:
         section: The section.
         parameters: The disk, under the linear law.
-        lanes: The engine of the flights.
+        batch_engine: The engine of the flights.
     """
-    return partial(_in_batches, section, field_constants(parameters), lanes)
+    return partial(_in_batches, section, field_constants(parameters), batch_engine)
 
 
 def _in_batches(
-    section: Section[Any], constants: Array, lanes: BatchTaylor, *guess: Array
+    section: Section[Any], constants: Array, batch_engine: BatchTaylor, *guess: Array
 ) -> SolvedCycles:
     *start, omega = guess
     cycles = shoot_batch(
-        section, constants, omega, start, lanes, whole=False, tolerance=1e-8, free_omega=True
+        section,
+        constants,
+        omega,
+        start,
+        batch_engine,
+        all_numbers=False,
+        tolerance=1e-8,
+        free_omega=True,
     )
-    first, second = section.names
+    first, second = section.coordinate_names
     slope, flights = 1 / cycles[f"d{first}_domega"], section.flights_per_period
     return SolvedCycles(
         second=cycles[second],
@@ -467,7 +478,7 @@ def sequential_solver(section: Section[Any], parameters: Parameters, engine: Eng
 def _solve_one_by_one(
     section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float
 ) -> Any:
-    held = f"the iteration at fixed {section.names[0]}"
+    held = f"the iteration at fixed {section.coordinate_names[0]}"
 
     def size(iterate: Iterate[Any]) -> float:
         _, second, speed = iterate.ahead

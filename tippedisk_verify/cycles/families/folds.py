@@ -99,7 +99,7 @@ class LibrationFold(Fold):
     """
 
     section = LIBRATING
-    _first = ("omega", "period", *LIBRATING.names)
+    _first = ("omega", "period", *LIBRATING.coordinate_names)
 
     gamma_bar_0: Measured = field(
         metadata=quantity("gamma - pi/2 where beta = pi/2 and v < 0; v_0 is v there", "rad")
@@ -114,7 +114,7 @@ class RotationFold(Fold):
     """
 
     section = ROTATING
-    _first = ("omega", "period", *ROTATING.names)
+    _first = ("omega", "period", *ROTATING.coordinate_names)
 
     beta_bar_top: Measured = field(metadata=quantity("beta - pi/2 at gamma = pi/2", "rad"))
     v_top: Measured = field(metadata=quantity("v there", "rad/s"))
@@ -145,9 +145,9 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
         AccuracyError: If the digits are not reached.
     """
     digits = checked_digits(digits)
-    place = family.near_fold()
+    guess = family.fold_guess()
     fold: RotationFold = fold_to_digits(
-        RotationFold, family.parameters, (*place.start, place.omega), family.engine, digits
+        RotationFold, family.parameters, (*guess.coordinates, guess.omega), family.engine, digits
     )
     return fold
 
@@ -178,7 +178,7 @@ def libration_folds(
         family = family or LibratingFamily(parameters, engine)
     except NoSuchCycleError as fault:
         raise AccuracyError(str(fault)) from None
-    starts = [(*place.start, place.omega) for place in map(family.guess, family.folds)]
+    starts = [(*guess.coordinates, guess.omega) for guess in map(family.guess, family.folds)]
     if parameters.law.is_linear:
         small = _small_fold(parameters)
         if small is not None:  # near a small fold doubles only see their rounding
@@ -243,9 +243,9 @@ def fold_in_double(family: RotatingFamily) -> dict[str, float]:
         NoSuchCycleError: If the family has no fold.
         AccuracyError: If the iteration does not settle.
     """
-    place = family.near_fold()
+    guess = family.fold_guess()
     start, jacobian = fold_near(
-        ROTATING, family.parameters, (*place.start, place.omega), family.engine
+        ROTATING, family.parameters, (*guess.coordinates, guess.omega), family.engine
     )
     numbers = _numbers(ROTATING, family.parameters, start, jacobian, family.engine, DOUBLE)
     return {name: float(number) for name, number in numbers.items()}
@@ -271,7 +271,7 @@ def fold_to_digits(
         AccuracyError: If the fold is not found, or the digits are not reached.
     """
     fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD_DIGITS)))
-    for name in ("omega", "period", *kind.section.names):
+    for name in ("omega", "period", *kind.section.coordinate_names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
             raise AccuracyError(
@@ -298,8 +298,8 @@ def _fold_in(
     ):  # the second serves if the conditions nearly coincide
         try:
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
-            rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
-            sharp = _numbers(
+            coarse = _numbers(kind.section, parameters, start, jacobian, engine, precision)
+            accurate = _numbers(
                 kind.section, parameters, start, jacobian, engine, companion(precision)
             )
         except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
@@ -308,8 +308,8 @@ def _fold_in(
         else:
             break
     numbers = {
-        name: Measured.compared(value, sharp[name], precision.epsilon)
-        for name, value in rough.items()
+        name: Measured.compared(value, accurate[name], precision.epsilon)
+        for name, value in coarse.items()
     }
     return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
@@ -414,7 +414,7 @@ def _numbers(
     lost = AccuracyError(
         f"the iteration for the fold has not converged in {precision.name} precision"
     )
-    stop = StoppingRule(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, fewest=2)
+    stop = StoppingRule(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, min_sizes=2)
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
@@ -428,7 +428,7 @@ def _numbers(
     return {
         "omega": at[2],
         "period": section.flights_per_period * image.time,
-        **dict(zip(section.names, at, strict=False)),
+        **dict(zip(section.coordinate_names, at, strict=False)),
         **return_map.event_quantities(flight),
         "null_vector": (1 - a) / b,
         "log_multiplier_fast": section.flights_per_period * flight.divergence,

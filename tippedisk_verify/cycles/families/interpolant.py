@@ -29,7 +29,7 @@ import numpy
 from tippedisk_verify.cycles.families.batch_shooting import BatchCycles, shoot_batch
 from tippedisk_verify.cycles.families.family import Family
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
-from tippedisk_verify.cycles.shooting.error_budget import cycle_of
+from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
 from tippedisk_verify.model.arrays import Array
@@ -73,38 +73,40 @@ class FamilyInterpolant:
 
     Args:
         family: The family.
-        lanes: The engine of the flights.
+        batch_engine: The engine of the flights.
 
     Raises:
         InputError: If the law is not linear.
         NoSuchCycleError: If one of the family's nodes is lost.
     """
 
-    def __init__(self, family: Family, lanes: BatchTaylor) -> None:
+    def __init__(self, family: Family, batch_engine: BatchTaylor) -> None:
         family.parameters.refuse_unless_linear("cycles in batches are")
-        self.family, self._lanes, self._section = family, lanes, family.section
+        self.family, self._batch_engine, self._section = family, batch_engine, family.section
         self._constants = field_constants(family.parameters)
         nodes = family.nodes.T
         self._s = nodes[0]
         first = family.coordinate(self._s)
         guess = numpy.stack((first, nodes[1] * first, nodes[2]))
         #: The cycles at the nodes of the family.
-        self.nodes = self._shot(nodes[3], guess, tolerance=1e-9, free_omega=True)
+        self.nodes = self._shoot(nodes[3], guess, tolerance=1e-9, free_omega=True)
         if not self.nodes.converged.all():
             raise NoSuchCycleError(
                 f"the family of {self._section.name} cycles could not be followed"
             )
         # The numbers that are taken before the last Newton step. (The fast multiplier's logarithm
         # moves with the slow one's: their sum does not come from derivatives.)
-        self._by_omega = tuple(f"d{name}_domega" for name in ("period", *self._section.names))
+        self._by_omega = tuple(
+            f"d{name}_domega" for name in ("period", *self._section.coordinate_names)
+        )
         self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
         self._measured = (*number_names(self._section), "log_multipliers")
 
-    def _shot(
+    def _shoot(
         self, omegas: Array, guess: Array, constants: Any = None, **options: Any
     ) -> BatchCycles:
         constants = self._constants if constants is None else constants
-        return shoot_batch(self._section, constants, omegas, guess, self._lanes, **options)
+        return shoot_batch(self._section, constants, omegas, guess, self._batch_engine, **options)
 
     # ----------------------------------------------------------------------------------- the cycles
     def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
@@ -128,10 +130,10 @@ class FamilyInterpolant:
         cycles = self.solved(speeds[index], s[piece, index])
         widths = self.half_widths(cycles)
         held = cycles.converged
-        for name in ("period", *self._section.names, "beta_max"):
+        for name in ("period", *self._section.coordinate_names, "beta_max"):
             held = held & (widths[name] <= numpy.abs(cycles[name]) * 10.0**-digits)
         measured = iter(
-            self._cycles(cycles.only(held), {name: width[held] for name, width in widths.items()})
+            self._cycles(cycles.select(held), {name: width[held] for name, width in widths.items()})
         )
         by_speed: list[list[Any]] = [[] for _ in omegas]
         for at, is_held, falls in zip(
@@ -163,7 +165,7 @@ class FamilyInterpolant:
                 name: Measured(Fraction(values[index]), Fraction(uncertainties[index]))
                 for name, values, uncertainties in columns
             }
-            yield cycle_of(
+            yield cycle_from_numbers(
                 self._section,
                 Fraction(omega),
                 measured,
@@ -185,9 +187,11 @@ class FamilyInterpolant:
         # The relative step after which only rounding is left grows towards Omega_h and towards a
         # fold.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
-        cycles = self._shot(speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved)
+        cycles = self._shoot(
+            speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved
+        )
         # Next to a fold the iteration may have gone beyond it.
-        cycles.converged[slope * cycles[f"d{self._section.names[0]}_domega"] < 0] = False
+        cycles.converged[slope * cycles[f"d{self._section.coordinate_names[0]}_domega"] < 0] = False
         return cycles
 
     # ------------------------------------------------------------------------------ the half-widths
@@ -205,17 +209,19 @@ class FamilyInterpolant:
         nodes, spreads, slopes = self._sources
         last, widths = numpy.abs(cycles.last_step).T, dict[str, Any]()
         for name in self._measured:
-            pole = self._pole(name, cycles)
+            pole = self._pole_factors(name, cycles)
             spread = numpy.interp(s, nodes, spreads[name]) / pole
             widths[name] = NODE_TWIN_FACTOR * spread + 2 * _UNIT_ROUNDOFF * numpy.abs(cycles[name])
             for slope, step in zip(slopes.get(name, ()), last, strict=False):
                 widths[name] += _START_SLOPE_FACTOR * numpy.interp(s, nodes, slope) / pole * step
         for name in ("log_multiplier_slow", "log_multiplier_fast"):
             widths[name] += 4 * _UNIT_ROUNDOFF  # of the multiplier, relative
-        lost = widths[self._section.names[0]] > _NONLINEAR_ERROR * self.family.to_fold(s)
+        lost = widths[
+            self._section.coordinate_names[0]
+        ] > _NONLINEAR_ERROR * self.family.distance_to_fold(s)
         return {name: numpy.where(lost, numpy.inf, width) for name, width in widths.items()}
 
-    def _pole(self, name: str, cycles: BatchCycles) -> Any:
+    def _pole_factors(self, name: str, cycles: BatchCycles) -> Any:
         """Return the factors (n,) by which a number's spread is multiplied before it is
         interpolated.
 
@@ -228,21 +234,21 @@ class FamilyInterpolant:
         """The data from which half-widths are interpolated: abscissas (k,) in rising order, the
         scatter of each number there, and its change with the start.
 
-        The scatter and changes are multiplied by the factors of `_pole`.
+        The scatter and changes are multiplied by the factors of `_pole_factors`.
         """
         from scipy.ndimage import maximum_filter1d
 
         # Both ends among them: towards the Hopf point sensitivities grow without bound.
         every = numpy.append(numpy.arange(len(self._s) - 1, 0, -_ROUNDING_SPACING), 0)[::-1]
-        nodes = self.nodes.only(every)
+        nodes = self.nodes.select(every)
         omegas, start = nodes["omega"], nodes.guess
-        poles = {name: self._pole(name, nodes) for name in self._measured}
+        poles = {name: self._pole_factors(name, nodes) for name in self._measured}
         values = {name: [nodes[name]] for name in self._measured}
         random, guess = numpy.random.default_rng(1), start
         for _ in range(NODE_TWINS):
             turns = random.random((len(every), len(self._constants)))
             moves = (turns < _MOVED_SHARE).astype(float) - (turns >= 1 - _MOVED_SHARE)
-            twins = self._shot(
+            twins = self._shoot(
                 omegas, guess, self._constants * (1 + moves * 2 * _UNIT_ROUNDOFF), tolerance=1e-5
             )
             guess = twins.guess
@@ -253,11 +259,11 @@ class FamilyInterpolant:
             for name, of_twins in values.items()
         }
         slopes: dict[str, list[Any]] = {name: [] for name in self._before}
-        shift = _START_SHIFT * self._to_the_end[every] / omegas * numpy.abs(start)
+        shift = _START_SHIFT * self._distances_to_end[every] / omegas * numpy.abs(start)
         for index in range(3):
             guess = start.copy()
             guess[index] += shift[index]
-            shifted = self._shot(omegas, guess, tolerance=1e-5, whole=False)
+            shifted = self._shoot(omegas, guess, tolerance=1e-5, all_numbers=False)
             for name in self._before:
                 slopes[name].append(
                     numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name]
@@ -274,7 +280,7 @@ class FamilyInterpolant:
         return self._s[every][solved], spreads, slopes
 
     @property
-    def _to_the_end(self) -> Any:
+    def _distances_to_end(self) -> Any:
         """The distance [rad/s] of each of the family's nodes from the nearest end of its piece, as
         predicted by its slope.
 

@@ -37,7 +37,7 @@ class LibratingFamily(Family):
     Args:
         parameters: The disk and its friction law.
         engine: The engine of the flights.
-        solve: Finds cycles of chosen amplitudes. If None, the engine finds them one at a time.
+        solver: Finds cycles of chosen amplitudes. If None, the engine finds them one at a time.
         closest: The distance [rad/s] from its limit to which Omega is followed.
 
     Raises:
@@ -51,12 +51,12 @@ class LibratingFamily(Family):
         self,
         parameters: Parameters,
         engine: Engine,
-        solve: Solver | None = None,
+        solver: Solver | None = None,
         closest: float = _MIN_DISTANCE,
     ) -> None:
         self.omega_crit = float(omega_crit(parameters))
         frequency = math.sqrt(critical_frequency_squared(parameters))
-        begin = (
+        first_row = (
             0.0,
             -(frequency**2) / self.omega_crit,
             math.pi / frequency,
@@ -65,17 +65,19 @@ class LibratingFamily(Family):
             0.0,
             0.0,
         )
-        solve = solve or sequential_solver(LIBRATING, parameters, engine)
-        super().__init__(parameters, engine, solve, _NODES, 0.0, math.pi, begin)
-        while not len(self._panels) or (self._left > closest and len(self._panels) < _MAX_PANELS):
+        solver = solver or sequential_solver(LIBRATING, parameters, engine)
+        super().__init__(parameters, engine, solver, _NODES, 0.0, math.pi, first_row)
+        while not len(self._panels) or (
+            self._distance_to_limit > closest and len(self._panels) < _MAX_PANELS
+        ):
             self.extend()
-        if not self._left < math.inf:
+        if not self._distance_to_limit < math.inf:
             raise NoSuchCycleError(self._lost_family_error(self.nodes[-1, 0]))
         first, last = map(float, self.nodes[[0, -1], 3])
         self.gaps = (first, self.omega_crit), (last, 2 * self.limit - last)
 
     @property
-    def _left(self) -> float:
+    def _distance_to_limit(self) -> float:
         """The distance [rad/s] of the speed at the family's last node from the speed's limit,
         estimated from the slope's rate of decay.
 
@@ -93,7 +95,7 @@ class LibratingFamily(Family):
 
         Its error is a fraction of the last node's distance from it.
         """
-        return float(self.nodes[-1, 3] + math.copysign(self._left, self.nodes[-1, 6]))
+        return float(self.nodes[-1, 3] + math.copysign(self._distance_to_limit, self.nodes[-1, 6]))
 
     def newborn(self, distance: float) -> CycleGuess:
         """Return the approximate cycle (`CycleGuess`) at a distance from the Hopf point, nearer

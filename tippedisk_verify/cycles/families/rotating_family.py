@@ -69,11 +69,11 @@ class RotatingFamily(Family):
             raise NoSuchCycleError(
                 f"no rotating cycle found at {float(first):.10g} rad/s, next to Omega_h"
             )
-        middle, half = (math.pi / 2 + lowest) / 2, (math.pi / 2 - lowest) / 2
-        s = math.atanh((beta - middle) / half)
-        rate = half / math.cosh(s) ** 2
+        centre, half_range = (math.pi / 2 + lowest) / 2, (math.pi / 2 - lowest) / 2
+        s = math.atanh((beta - centre) / half_range)
+        rate = half_range / math.cosh(s) ** 2
         ratio_slope = (slopes[0] - second / beta) / beta
-        begin = (
+        first_row = (
             s,
             second / beta,
             flight,
@@ -81,7 +81,7 @@ class RotatingFamily(Family):
             *(rate * slope for slope in (ratio_slope, *slopes[1:])),
         )
         nodes = _GUESSING_NODES if solve is None else _NODES
-        super().__init__(parameters, engine, solve or singly, nodes, middle, half, begin)
+        super().__init__(parameters, engine, solve or singly, nodes, centre, half_range, first_row)
         self.extend()
         self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 
@@ -103,7 +103,7 @@ class RotatingFamily(Family):
                 end = f"the family of rotating cycles ends near {self.nodes[-1, 3]:.6g} rad/s"
                 raise NoSuchCycleError(end) from None
 
-    def near_fold(self) -> CycleGuess:
+    def fold_guess(self) -> CycleGuess:
         """Return an approximation (`CycleGuess`) of the family's fold, where Omega is smallest.
 
         Raises:

@@ -39,7 +39,12 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
-__all__ = ["MIN_SHOOTING_DISTANCE", "cycle_near_omega_h", "fixed_point_near", "with_speed"]
+__all__ = [
+    "MIN_SHOOTING_DISTANCE",
+    "cycle_near_omega_h",
+    "fixed_point_near",
+    "with_uncertainty_of_omega_h",
+]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -200,7 +205,7 @@ def _fixed_point(
             return FixedPoint(return_map, point, return_map(point), tuple(map(float, stop.sizes)))
 
 
-def with_speed(
+def with_uncertainty_of_omega_h(
     cycle: C,
     section: Section[C],
     omega_h: Measured,
@@ -237,7 +242,7 @@ def with_speed(
         precision.number(
             getattr(cycle, name).value + ahead * getattr(cycle, f"d{name}_domega").value
         )
-        for name in section.names
+        for name in section.coordinate_names
     )
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))
     share = HALF_WIDTH_FACTOR * omega_h.uncertainty / moved

@@ -1,8 +1,8 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
 
 `saddle_passages` has the maps. This module chooses their sections, series and flights, and the
-number of speeds that they are interpolated from (`_CHOICE`). Half-widths follow from the
-differences to coarser choices, which round some four times as much. If the digits are not reached,
+number of speeds that they are interpolated from (`_ACCURACY`). Half-widths follow from the
+differences to coarser settings, which round some four times as much. If the digits are not reached,
 or the maps do not exist, `cycles_by_integration` follows the flow itself.
 """
 
@@ -28,7 +28,7 @@ from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
     to_section,
 )
 from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
-from tippedisk_verify.cycles.shooting.error_budget import cycle_of
+from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
@@ -46,36 +46,42 @@ __all__ = [
     "cycle_by_passages",
     "omega_h_resolving",
     "period_law",
-    "shared_digits",
+    "rounded_up_digits",
 ]
 
 C = TypeVar("C", bound=Cycle)
 
-_CHOICE = PassageAccuracy(
-    order=20, bands=5, share=0.10, reach=0.25, speeds=9, sigma=0.016, cycle_reach=1e-5
+_ACCURACY = PassageAccuracy(
+    chart_order=20,
+    chart_bands=5,
+    section_ratio=0.10,
+    arrival_ratio=0.25,
+    speed_count=9,
+    max_start_ratio=0.016,
+    max_distance=1e-5,
 )
-# Choices with a larger truncation error. Their flights lie closer together, so that rounding
+# Settings with a larger truncation error. Their flights lie closer together, so that rounding
 # weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
 # which matter most.
-_COARSER_CHOICES = tuple(
+_COARSER_ACCURACIES = tuple(
     PassageAccuracy(
-        order=17,
-        bands=4,
-        share=share,
-        reach=reach,
-        speeds=7,
-        sigma=0.004,
-        cycle_reach=cycle_reach,
+        chart_order=17,
+        chart_bands=4,
+        section_ratio=section_ratio,
+        arrival_ratio=arrival_ratio,
+        speed_count=7,
+        max_start_ratio=0.004,
+        max_distance=max_distance,
         rounding=k,
     )
-    for k, (share, reach, cycle_reach) in enumerate(
+    for k, (section_ratio, arrival_ratio, max_distance) in enumerate(
         ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
     )
 )
 # The half-width in units of the largest distance to the others. An error beyond it has a
 # probability of some 1e-6 for normal errors, if those of the others are four times as large.
-_CHOICE_FACTOR = 8
-_ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike in all choices
+_DIFFERENCE_FACTOR = 8
+_ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike with all settings
 _MAX_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
 # An imaginary part, relative to the distance; its square is far below rounding
 _IMAGINARY = 2.0**-100
@@ -123,23 +129,28 @@ def cycle_by_passages(
     try:
         zero = omega_h_resolving(parameters, speed_or_distance, engine, from_omega_h=from_omega_h)
         distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
-        if (distance > 0) != (section is LIBRATING) or not _offered(parameters, engine, zero.value):
+        if (distance > 0) != (section is LIBRATING) or not _passages_exist(
+            parameters, engine, zero.value
+        ):
             return None
         origin = Fraction(round(zero.value * _ORIGIN_GRID), _ORIGIN_GRID)
         first, *others = (
-            _numbers(section, flights, distance) for flights in _maps(parameters, origin, engine)
+            _numbers(section, flights, distance)
+            for flights in _global_maps(parameters, origin, engine)
         )
     except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
         return None
     numbers, sizes = first
     if not all(numpy.isfinite(number) for row, _ in (first, *others) for number in row.values()):
         return None
-    measured = _measured(numbers, [row for row, _ in others], zero.uncertainty / abs(distance))
+    measured = _with_half_widths(
+        numbers, [row for row, _ in others], zero.uncertainty / abs(distance)
+    )
     if section is LIBRATING:
         gap = measured["gamma_bar_0"]
         pi = fraction(bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
         measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
-    cycle = cycle_of(
+    cycle = cycle_from_numbers(
         section,
         zero.value + distance,
         measured,
@@ -151,7 +162,7 @@ def cycle_by_passages(
         if section is LIBRATING
         else None,
     )
-    main = [measured[name] for name in ("period", *section.names, "beta_max")]
+    main = [measured[name] for name in ("period", *section.coordinate_names, "beta_max")]
     if (
         any(number.uncertainty > abs(number.value) / 10**digits for number in main)
         or not cycle.stable
@@ -206,31 +217,31 @@ def _digits_for(distance: Fraction) -> int:
     It is rounded up to a grid, so that most distances share Omega_h. The request omits
     `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
     """
-    return shared_digits(_DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance))
+    return rounded_up_digits(_DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance))
 
 
-def shared_digits(wanted: int) -> int:
+def rounded_up_digits(wanted: int) -> int:
     """Round a number of digits of Omega_h up to a coarse grid, so that many distances share one
     computation.
     """
     return _FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - _FIRST_DIGITS) / _MORE_DIGITS))
 
 
-def _measured(
+def _with_half_widths(
     numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction
 ) -> dict[str, Measured]:
     """Convert the numbers of a cycle to `Measured`, by name.
 
     Args:
-        numbers: The numbers by the first choice of sections, series and flights.
-        others: The same numbers by other choices. The largest distance to them gives the
+        numbers: The numbers with the first settings of sections, series and flights.
+        others: The same numbers with other settings. The largest distance to them gives the
             half-width.
         share: The relative uncertainty of the distance from Omega_h.
     """
     measured = {}
     for name, number in numbers.items():
         largest_difference = max(abs(number - row[name]) for row in others)
-        width = fraction(_CHOICE_FACTOR * largest_difference + _ULPS * abs(number))
+        width = fraction(_DIFFERENCE_FACTOR * largest_difference + _ULPS * abs(number))
         # A logarithm of the distance changes by more than itself where it is small.
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
         measured[name] = Measured(fraction(number), width + _MAX_POWER * fraction(size) * share)
@@ -285,12 +296,14 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     zero = splitting_zero(parameters, guess, engine, _FIRST_DIGITS).omega_h.value
-    if not _offered(parameters, engine, zero):
+    if not _passages_exist(parameters, engine, zero):
         raise NoSuchCycleError(
             "the law of the period with its corrections needs a negative saddle value and 64 bits"
         )
     rows = []
-    for flights in _maps(parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine):
+    for flights in _global_maps(
+        parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine
+    ):
         unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
         (by_omega, by_sigma), s = flights.slopes
         nu, scale = -slow / unstable, flights.u_1 / -by_omega
@@ -304,10 +317,10 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
                 "exponent": nu - 1,
             }
         )
-    return PeriodLaw(**_measured(rows[0], rows[1:], Fraction(0)))
+    return PeriodLaw(**_with_half_widths(rows[0], rows[1:], Fraction(0)))
 
 
-def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
+def _passages_exist(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
     """Return True if cycles next to Omega_h can be computed from linear passages of the saddles.
 
     The machine and the engine must compute in 64 bits, and the saddle value must be negative.
@@ -317,9 +330,12 @@ def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
 
 
 @lru_cache(maxsize=_CACHED_DISKS)
-def _maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[GlobalMap, ...]:
+def _global_maps(
+    parameters: Parameters, omega_h: Fraction, engine: Engine
+) -> tuple[GlobalMap, ...]:
     return tuple(
-        GlobalMap(parameters, omega_h, engine, choice) for choice in (_CHOICE, *_COARSER_CHOICES)
+        GlobalMap(parameters, omega_h, engine, accuracy)
+        for accuracy in (_ACCURACY, *_COARSER_ACCURACIES)
     )
 
 
@@ -335,11 +351,12 @@ def monodromy_by_passages(
         distance: The distance of the speed from Omega_h [rad/s].
     """
     first, *others = (
-        _period_matrix(flights, distance) for flights in _maps(parameters, origin, default_engine())
+        _period_matrix(flights, distance)
+        for flights in _global_maps(parameters, origin, default_engine())
     )
     largest_difference = numpy.max([abs(first - other) for other in others], axis=0)
     share = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
-    return first, (_CHOICE_FACTOR * largest_difference + share * abs(first)).astype(float)
+    return first, (_DIFFERENCE_FACTOR * largest_difference + share * abs(first)).astype(float)
 
 
 def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
@@ -348,7 +365,7 @@ def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
     sigma, multiplier, _ = half.fixed_point()
     imaginary = abs(at) * _IMAGINARY
     time_by_sigma = half(sigma + 1j * imaginary).time.imag / imaginary
-    _, rest = to_section(half(sigma).pieces, LIBRATING.fixed)
+    _, rest = to_section(half(sigma).pieces, LIBRATING.zero_component)
     matrix = half_period_matrix(rest, multiplier, time_by_sigma)
     return matrix @ matrix
 
@@ -371,11 +388,11 @@ def _numbers(
     sigma = sigma + (moved(sigma).sigma - sigma) / (1 - multiplier)
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
-    part, _ = to_section(pieces, section.fixed)
+    part, _ = to_section(pieces, section.zero_component)
     near_saddle = part.image * part.chart.at(part.end)
     point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(flights.duration) + passage.time
-    along = numpy.prod([moved.along_the_flow(piece) for piece in pieces])
+    along = numpy.prod([moved.trivial_multiplier(piece) for piece in pieces])
     measures = {
         "beta_max": arrival[4].real,
         "beta_bar_0": near_saddle[0].real,

@@ -264,12 +264,14 @@ class PeriodContinuation:
         self.parameters, self.engine = parameters, engine
         family = LibratingFamily(parameters, engine, closest=_FOLD_DISTANCE)
         refuse_focus(parameters, Fraction(family.limit))
-        place = family.guess(float(family.nodes[-1, 0]))
+        guess = family.guess(float(family.nodes[-1, 0]))
         growth = float(
             equilibrium(parameters, Fraction(family.limit), "noninverted").eigenvalues[0].re
         )
         points = [
-            cycle_at_half_period(parameters, place.flight_time, (*place.start, place.omega), engine)
+            cycle_at_half_period(
+                parameters, guess.flight_time, (*guess.coordinates, guess.omega), engine
+            )
         ]
         for point in cycles_of_rising_period(parameters, points[0], engine, longest=_MAX_PERIOD):
             points.append(point)

@@ -67,16 +67,18 @@ _charts = lru_cache(maxsize=16)(ChartFamily)
 class PassageAccuracy(NamedTuple):
     """The settings with which the map between the saddles (`GlobalMap`) is computed."""
 
-    order: int  #: the order of the charts
-    bands: int  #: the bands of the charts
-    share: float  #: the place of the sections, in units of the charts' radius of convergence
+    chart_order: int  #: the order of the charts
+    chart_bands: int  #: the bands of the charts
+    section_ratio: (
+        float  #: the place of the sections, in units of the charts' radius of convergence
+    )
     #: abs(u / s) at which flights on the unstable manifold arrive, at their outermost speed
-    reach: float
-    speeds: int  #: the number of speeds of these flights
+    arrival_ratio: float
+    speed_count: int  #: the number of speeds of these flights
     #: The largest distance of other flights' starts from the unstable manifold, in units of u_1
-    sigma: float
+    max_start_ratio: float
     #: The reach [rad/s] of the other flights' speeds from Omega_h, and so of cycles
-    cycle_reach: float
+    max_distance: float
     rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
 
 
@@ -114,37 +116,40 @@ class GlobalMap:
         parameters: The disk and its friction law.
         omega_h: Omega_h [rad/s].
         engine: The engine of the flights.
-        choice: The parameters of the computation.
+        accuracy: The parameters of the computation.
 
     Raises:
         AccuracyError: If a flight fails.
     """
 
     def __init__(
-        self, parameters: Parameters, omega_h: Fraction, engine: Engine, choice: PassageAccuracy
+        self, parameters: Parameters, omega_h: Fraction, engine: Engine, accuracy: PassageAccuracy
     ) -> None:
-        self.parameters, self.choice = parameters, choice
+        self.parameters, self.accuracy = parameters, accuracy
         saddle = Saddle(parameters, omega_h, 80, 1)
         sides = [saddle.side(which) for which in (0, 1)]
         #: The charts where an orbit leaves a saddle and where it arrives at the next one.
         self.leaving, self.arriving = (
-            _charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides
+            _charts(parameters, omega_h, side, accuracy.chart_order, accuracy.chart_bands)
+            for side in sides
         )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
-        self.u_1 = EXTENDED.type(choice.share * chart.radius(0))
+        self.u_1 = EXTENDED.type(accuracy.section_ratio * chart.radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
-            chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
+            chart, accuracy.section_ratio * self.arriving.at(EXTENDED.number(0)).radius(1)
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
-        reach = choice.reach * float(2 * probe * fraction(abs(above[1] / (above[0] - below[0]))))
+        reach = accuracy.arrival_ratio * float(
+            2 * probe * fraction(abs(above[1] / (above[0] - below[0])))
+        )
         # 64 bits hold the flights' speeds exactly: short distances from a double.
         offset = Fraction(float(omega_h)) - omega_h
-        on_manifold = [_rounded_distance(reach * x) + offset for x in _nodes(choice.speeds)]
+        on_manifold = [_rounded_distance(reach * x) + offset for x in _nodes(accuracy.speed_count)]
         off_manifold = [
-            _rounded_distance(choice.cycle_reach * x) + offset for x in _OFF_MANIFOLD_SPEEDS
+            _rounded_distance(accuracy.max_distance * x) + offset for x in _OFF_MANIFOLD_SPEEDS
         ]
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
@@ -214,7 +219,7 @@ class GlobalMap:
             precision=EXTENDED,
             divergence=True,
             events=(EXTREME, GAMMA_TOP),
-            rounding=self.choice.rounding,
+            rounding=self.accuracy.rounding,
         )
         flight = self._engine(request)
         if flight.status is not Status.REACHED:
@@ -236,7 +241,7 @@ class GlobalMap:
         rounding there is dropped.
         """
         count, reach = len(distances), EXTENDED.number(max(distances))
-        largest = float(self.u_1) * self.choice.sigma
+        largest = float(self.u_1) * self.accuracy.max_start_ratio
         places = [(distance, 0.0) for distance in distances]
         places += [(distance, largest * x) for distance in off_manifold for x in _START_SIGMAS]
         powers = [(k, 0) for k in range(count)]
@@ -330,7 +335,7 @@ class HalfMap:
                 return sigma, slope, sizes
         raise ArithmeticError("the iteration for sigma does not settle")
 
-    def along_the_flow(self, piece: ChartFlight) -> Any:
+    def trivial_multiplier(self, piece: ChartFlight) -> Any:
         """Return the multiplier along the flow over a piece of an orbit, divided by the ratio of
         speeds.
 

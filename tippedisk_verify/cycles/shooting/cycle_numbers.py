@@ -24,11 +24,11 @@ def number_names(section: Section[Any]) -> tuple[str, ...]:
     Args:
         section: The section of its kind of cycle.
     """
-    by_omega = (f"d{name}_domega" for name in ("period", *section.names))
+    by_omega = (f"d{name}_domega" for name in ("period", *section.coordinate_names))
     multipliers = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast")
     return (
         "period",
-        *section.names,
+        *section.coordinate_names,
         *(measure.name for measure in section.event_quantities),
         *multipliers,
         *by_omega,
@@ -74,7 +74,7 @@ def numbers_from_map(
     # A multiplier that rounding has lost still gets a logarithm.
     log_slow = ops.log(choose(size == 0, _MIN_MULTIPLIER, size))
     log_multipliers = laps * flight["divergence"]
-    first, second = section.names
+    first, second = section.coordinate_names
     return {
         "period": laps * time,
         first: point[0],

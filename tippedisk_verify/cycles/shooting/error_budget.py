@@ -45,10 +45,10 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_d
 from tippedisk_verify.progress import report_share, subrange
 
 __all__ = [
-    "MORE_DIGITS",
+    "EXTRA_DIGITS",
     "bound_lost_logarithms",
+    "cycle_from_numbers",
     "cycle_in_precision",
-    "cycle_of",
     "cycle_to_digits",
     "iterate_until_rounding",
     "numbers_at",
@@ -80,7 +80,7 @@ _SAFETY_OF_CHOICE = 2
 # at least 1/2.
 _STALLED_STEPS = 4
 #: The number of extra digits for a cycle that needs more digits than doubles have.
-MORE_DIGITS = 20
+EXTRA_DIGITS = 20
 # The number of attempts, each with twice as many extra digits. The last takes a minute.
 _MAX_WIDENINGS = 4
 # The largest chord step, relative to the cycle's size. With a longer one the derivative is too far
@@ -108,13 +108,13 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
     """
     if not half_widths:
         precision = (
-            DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
+            DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + EXTRA_DIGITS))
         )
         numbers = numbers_in_precision(fixed_point, precision)
         unmeasured = {
             name: Measured.without_half_width(number, digits) for name, number in numbers.items()
         }
-        return _as_cycle(fixed_point, unmeasured, precision)
+        return _cycle_from_fixed_point(fixed_point, unmeasured, precision)
     draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
     wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
     for precision, twins in (
@@ -125,12 +125,15 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
-            if cycle is not None and _first_lacking(cycle, wanted, _SAFETY_OF_CHOICE) is None:
+            if (
+                cycle is not None
+                and _first_without_digits(cycle, wanted, _SAFETY_OF_CHOICE) is None
+            ):
                 return cycle
     return wider_cycle(fixed_point, digits)
 
 
-def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS) -> C:
+def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = EXTRA_DIGITS) -> C:
     """Compute a limit cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
@@ -148,7 +151,7 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
     name: str | None = None
     for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
         cycle = cycle_in_precision(fixed_point, bits(bits_for_digits(digits + extra)))
-        if (name := _first_lacking(cycle, digits)) is None:
+        if (name := _first_without_digits(cycle, digits)) is None:
             return cycle
     raise AccuracyError(
         f"{name} has fewer than {digits} digits so close to a bifurcation: ask for {digits + extra}, "
@@ -174,13 +177,19 @@ def cycle_in_precision(
     """
     if precision == DOUBLE:
         doubles = list(islice(_draws(fixed_point), 1 + TWINS))
-        return _as_cycle(fixed_point, half_widths_by_twins(doubles[0], doubles), precision)
+        return _cycle_from_fixed_point(
+            fixed_point, half_widths_by_twins(doubles[0], doubles), precision
+        )
     with subrange(0, _BY_FIRST_RUN):
-        numbers, _, sharper = _solve_in_precision(fixed_point, precision)
+        numbers, _, accurate_fixed_point = _solve_in_precision(fixed_point, precision)
     with subrange(_BY_FIRST_RUN, 1):
-        sharp, doubt, _ = _solve_in_precision(sharper, wider or companion(precision))
-    return _as_cycle(
-        fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
+        accurate, remaining_error, _ = _solve_in_precision(
+            accurate_fixed_point, wider or companion(precision)
+        )
+    return _cycle_from_fixed_point(
+        fixed_point,
+        half_widths_by_wider_run(numbers, accurate, remaining_error, precision),
+        precision,
     )
 
 
@@ -199,37 +208,39 @@ def _by_twins(
         doubles: The cycle's numbers in double, then the same with other last bits.
     """
     if precision == DOUBLE:
-        numbers, doubt = doubles[0], dict[str, Fraction]()
+        numbers, remaining_error = doubles[0], dict[str, Fraction]()
     else:
         try:
-            numbers, doubt, _ = _solve_in_precision(fixed_point, precision)
+            numbers, remaining_error, _ = _solve_in_precision(fixed_point, precision)
         except AccuracyError:
             return None
     measured = half_widths_by_twins(numbers, doubles, precision)
-    if any(measured[name].uncertainty < left for name, left in doubt.items()):
+    if any(measured[name].uncertainty < left for name, left in remaining_error.items()):
         return None
-    return _as_cycle(fixed_point, measured, precision)
+    return _cycle_from_fixed_point(fixed_point, measured, precision)
 
 
-def _first_lacking(cycle: Cycle, digits: int, to_spare: int = 1) -> str | None:
+def _first_without_digits(cycle: Cycle, digits: int, safety_factor: int = 1) -> str | None:
     """Return the name of the first main number of a cycle that has fewer than ``digits`` digits, or
     None.
 
-    A half-width times ``to_spare`` must lie within the digits wanted.
+    A half-width times ``safety_factor`` must lie within the digits wanted.
     """
     for name in ("period", *cycle.coordinates, "beta_max"):
         measured: Measured = getattr(cycle, name)
-        if to_spare * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
+        if safety_factor * measured.uncertainty > abs(measured.value) * Fraction(1, 10**digits):
             return name
     return None
 
 
-def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision) -> C:
+def _cycle_from_fixed_point(
+    fixed_point: FixedPoint[C], measured: dict[str, Measured], precision: Precision
+) -> C:
     """Return a limit cycle object from its numbers, the fixed point and the arithmetic of the
     numbers.
     """
     return_map = fixed_point.return_map
-    return cycle_of(
+    return cycle_from_numbers(
         return_map.section,
         return_map.omega,
         measured,
@@ -240,7 +251,7 @@ def _as_cycle(fixed_point: FixedPoint[C], measured: dict[str, Measured], precisi
     )
 
 
-def cycle_of(
+def cycle_from_numbers(
     section: Section[C], omega: Fraction, measured: dict[str, Measured], **others: Any
 ) -> C:
     """Return a limit cycle object from its numbers by name, and decide its stability.
@@ -307,7 +318,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
     The scatter of the repeated numbers shows the effect of rounding.
     """
     return_map, point = fixed_point.return_map, fixed_point.point
-    first, second = return_map.section.names
+    first, second = return_map.section.coordinate_names
     yield numbers_at(return_map, point, fixed_point.image)
     for pattern in count(1):
         image = return_map(point, pattern)
@@ -351,36 +362,39 @@ def half_widths_by_twins(
 
 
 def half_widths_by_wider_run(
-    rough: dict[str, Any], sharp: dict[str, Any], doubt: dict[str, Fraction], precision: Precision
+    coarse: dict[str, Any],
+    accurate: dict[str, Any],
+    remaining_error: dict[str, Fraction],
+    precision: Precision,
 ) -> dict[str, Measured]:
     """Return the numbers of a limit cycle with half-widths, by comparison with a run in wider
     arithmetic.
 
-    A half-width comes from the distance of the rough number to the sharp one, and from the sharp
+    A half-width comes from the distance of the coarse number to the accurate one, and from the accurate
     one's own error. The wider iteration leaves an error in the state; how far the other numbers
     move with the state follows from the two runs.
 
     Args:
-        rough: The numbers in ``precision``.
-        sharp: The numbers of the wider run.
-        doubt: The error of state and period that the wider iteration leaves.
-        precision: The arithmetic of the rough numbers.
+        coarse: The numbers in ``precision``.
+        accurate: The numbers of the wider run.
+        remaining_error: The error of state and period that the wider iteration leaves.
+        precision: The arithmetic of the coarse numbers.
     """
     measured = {
-        name: Measured.compared(number, sharp[name], precision.epsilon)
-        for name, number in rough.items()
+        name: Measured.compared(number, accurate[name], precision.epsilon)
+        for name, number in coarse.items()
     }
-    unknowns = [name for name in doubt if name != "period"]
+    unknowns = [name for name in remaining_error if name != "period"]
     apart = sum(
         max(
-            abs(measured[name].value - fraction(sharp[name])),
+            abs(measured[name].value - fraction(accurate[name])),
             abs(measured[name].value) * precision.epsilon,
         )
         for name in unknowns
     )
-    share = sum((doubt[name] for name in unknowns), Fraction(0)) / apart
+    share = sum((remaining_error[name] for name in unknowns), Fraction(0)) / apart
     for name, number in measured.items():
-        more = abs(number.value - fraction(sharp[name])) * share + doubt.get(name, 0)
+        more = abs(number.value - fraction(accurate[name])) * share + remaining_error.get(name, 0)
         measured[name] = Measured(number.value, number.uncertainty + more)
     return measured
 
@@ -426,10 +440,10 @@ def _solve_in_precision(
     image = return_map(point)
     undecided = [_STALLED_STEPS * step for step in standing]
     times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
-    doubt = dict(zip(return_map.section.names, undecided, strict=True))
-    doubt["period"] = return_map.section.flights_per_period * sum(times, Fraction(0))
-    sharper = replace(fixed_point, return_map=return_map, point=point, image=image)
-    return numbers_at(return_map, point, image), doubt, sharper
+    remaining_error = dict(zip(return_map.section.coordinate_names, undecided, strict=True))
+    remaining_error["period"] = return_map.section.flights_per_period * sum(times, Fraction(0))
+    accurate_fixed_point = replace(fixed_point, return_map=return_map, point=point, image=image)
+    return numbers_at(return_map, point, image), remaining_error, accurate_fixed_point
 
 
 def iterate_until_rounding(
@@ -478,14 +492,17 @@ def iterate_until_rounding(
             tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix
         )
         chord = fixed_point.image._replace(matrix=rows, by_omega=(0, 0))
-        stop = StoppingRule(precision.bits // 8 + 8, failure, small=small, fewest=2)
+        stop = StoppingRule(precision.bits // 8 + 8, failure, small=small, min_sizes=2)
         found = newton(return_map, point, stop, size_of_chord, chord=chord)
         if size(found) < small:
             return found.ahead[:2], (Fraction(0), Fraction(0))
         point = found.point
     try:
         found = newton(
-            return_map, point, StoppingRule(_MAX_NEWTON_STEPS, failure, small=small, fewest=2), size
+            return_map,
+            point,
+            StoppingRule(_MAX_NEWTON_STEPS, failure, small=small, min_sizes=2),
+            size,
         )
     except NoSuchCycleError:
         raise failure from None

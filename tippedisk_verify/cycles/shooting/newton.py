@@ -39,19 +39,25 @@ class StoppingRule:
     one before, because then only rounding is left.
 
     Args:
-        most: The number of sizes after which ``failure`` is raised.
+        max_sizes: The number of sizes after which ``failure`` is raised.
         failure: The error of an iteration that does not converge.
         small: The size that ends the iteration at once.
         near: The size below which an iteration that no longer shrinks has converged.
-        fewest: The number of sizes from which the second rule counts.
+        min_sizes: The number of sizes from which the second rule counts.
     """
 
     def __init__(
-        self, most: int, failure: Exception, *, small: Any, near: Any = math.inf, fewest: int = 3
+        self,
+        max_sizes: int,
+        failure: Exception,
+        *,
+        small: Any,
+        near: Any = math.inf,
+        min_sizes: int = 3,
     ) -> None:
         self.sizes: list[Any] = []
-        self._most, self._failure = most, failure
-        self._small, self._near, self._fewest = small, near, fewest
+        self._max_sizes, self._failure = max_sizes, failure
+        self._small, self._near, self._min_sizes = small, near, min_sizes
 
     def converged(self, size: Any) -> bool:
         """Record a size, and return True if the iteration has converged.
@@ -64,10 +70,10 @@ class StoppingRule:
         """
         self.sizes.append(size)
         if size < self._small or (
-            len(self.sizes) >= self._fewest and self.sizes[-2] / 2 <= size < self._near
+            len(self.sizes) >= self._min_sizes and self.sizes[-2] / 2 <= size < self._near
         ):
             return True
-        if len(self.sizes) == self._most:
+        if len(self.sizes) == self._max_sizes:
             raise self._failure
         return False
 

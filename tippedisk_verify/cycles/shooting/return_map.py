@@ -53,14 +53,14 @@ class Image(NamedTuple):
     flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
     def newton_step(
-        self, fixed_quantity: FixedQuantity = "speed", lacking: Any = 0
+        self, fixed_quantity: FixedQuantity = "speed", required_change: Any = 0
     ) -> tuple[Any, Any, Any]:
         """Return the Newton step of both coordinates and Omega after which the point is a fixed
         point, to first order.
 
         Args:
             fixed_quantity: The quantity that the step holds fixed.
-            lacking: The change required of that quantity; 0 keeps it fixed.
+            required_change: The change required of that quantity; 0 keeps it fixed.
 
         Returns:
             The steps of the first coordinate, the second coordinate and Omega.
@@ -68,14 +68,14 @@ class Image(NamedTuple):
         Raises:
             ZeroDivisionError: If the equations are singular.
         """
-        (first, second), third = self._rows, self._held_row(fixed_quantity)
+        (first, second), third = self._rows, self._fixed_quantity_row(fixed_quantity)
         along = _cross(first, second)
         determinant = _product(third, along)
         if determinant == 0:
             raise ZeroDivisionError("the equations of a Newton step are singular")
         a, b = self.residual
         columns = zip(_cross(second, third), _cross(third, first), along, strict=True)
-        x, y, omega = ((lacking * r - a * p - b * q) / determinant for p, q, r in columns)
+        x, y, omega = ((required_change * r - a * p - b * q) / determinant for p, q, r in columns)
         return x, y, omega
 
     def slopes(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any, Any]:
@@ -92,9 +92,14 @@ class Image(NamedTuple):
             time.
         """
         along = _cross(*self._rows)
-        rate = _product(self._held_row(fixed_quantity), along)
+        rate = _product(self._fixed_quantity_row(fixed_quantity), along)
         first, second, omega = (component / rate for component in along)
-        return first, second, omega, _product(self._held_row("time"), (first, second, omega))
+        return (
+            first,
+            second,
+            omega,
+            _product(self._fixed_quantity_row("time"), (first, second, omega)),
+        )
 
     @property
     def _rows(self) -> tuple[tuple[Any, Any, Any], tuple[Any, Any, Any]]:
@@ -104,7 +109,7 @@ class Image(NamedTuple):
         (a, b), (c, d) = self.matrix
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
-    def _held_row(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any]:
+    def _fixed_quantity_row(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any]:
         """Return the derivatives of the quantity that a Newton step holds, with respect to both
         coordinates and Omega.
         """
@@ -181,13 +186,13 @@ class ReturnMap(Generic[C]):
             self._requests[variations] = self._request(
                 state, events=(section.end_event, *recorded), **needs
             )
-        if not section.possible(float(point[0]), float(point[1])):
-            raise NoSuchCycleError(section.impossible)
+        if not section.allows_start(float(point[0]), float(point[1])):
+            raise NoSuchCycleError(section.bad_start_message)
         result = self.engine(self._requests[variations].starting_at(state, rounding))
         if result.status is not Status.EVENT:
-            raise NoSuchCycleError(f"{section.no_return}: {result.status.value}")
-        if abs(float(result.state[section.fixed] - self._growth)) > _MAX_SECTION_MISS:
-            raise NoSuchCycleError(section.no_return)
+            raise NoSuchCycleError(f"{section.no_return_message}: {result.status.value}")
+        if abs(float(result.state[section.zero_component] - self._growth)) > _MAX_SECTION_MISS:
+            raise NoSuchCycleError(section.no_return_message)
         return result
 
     def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
@@ -214,7 +219,11 @@ class ReturnMap(Generic[C]):
         # Python's own floats: arithmetic on numpy's scalars takes longer
         if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()
-        fixed, free, image = self.section.fixed, self.section.free, self.section.symmetry_sign
+        fixed, free, image = (
+            self.section.zero_component,
+            self.section.free_components,
+            self.section.symmetry_sign,
+        )
         arrival = [*end]
         arrival[fixed] = self._growth
         rates = self._rates(*arrival)
@@ -246,7 +255,7 @@ class ReturnMap(Generic[C]):
             end: The state (3,) in which the flow arrives.
             point: Both coordinates of the start.
         """
-        (a, b), image = self.section.free, self.section.symmetry_sign
+        (a, b), image = self.section.free_components, self.section.symmetry_sign
         return image * end[a] - point[0], image * end[b] - point[1]
 
     def event_quantities(self, flight: Result) -> dict[str, Any]:
@@ -312,7 +321,7 @@ class ReturnMap(Generic[C]):
         coordinates.
         """
         state = [*point]
-        state.insert(self.section.fixed, self._edge)
+        state.insert(self.section.zero_component, self._edge)
         return state
 
     def _request(self, state: Sequence[Any], **needs: Any) -> Request:

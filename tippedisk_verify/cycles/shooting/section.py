@@ -75,28 +75,28 @@ class Section(Generic[C]):
     symmetry_sign: Literal[-1, 1]  #: the derivative of the symmetry that follows the flow
     flights_per_period: int  #: flights that make up a period of the cycle
     #: True for coordinates that a start may have, given as doubles; a mask (n,) for arrays (n,)
-    possible: Callable[[Any, Any], Any]
-    impossible: str  #: the message for a start with other coordinates
-    no_return: str  #: the message for an orbit that does not come back
+    allows_start: Callable[[Any, Any], Any]
+    bad_start_message: str  #: the message for a start with other coordinates
+    no_return_message: str  #: the message for an orbit that does not come back
     event_quantities: tuple[EventQuantity, ...]  #: the numbers that the events of a flight give
     #: the scale of the coordinates next to a saddle, at most 1; its square is the scale of the
     #: speed
     saddle_scale: Callable[[Any], float]
 
     @property
-    def fixed(self) -> int:
+    def zero_component(self) -> int:
         """The index of the component of the state that is zero on the section."""
-        return self.result.fixed
+        return self.result.zero_component
 
     @property
-    def free(self) -> tuple[int, int]:
+    def free_components(self) -> tuple[int, int]:
         """The indices of the other two components of the state, which are a point's coordinates on
         the section.
         """
-        return (1, 2) if self.fixed == 0 else (0, 2)
+        return (1, 2) if self.zero_component == 0 else (0, 2)
 
     @property
-    def names(self) -> tuple[str, str]:
+    def coordinate_names(self) -> tuple[str, str]:
         """The names of the two coordinates on the section."""
         return self.result.coordinates
 
@@ -146,10 +146,10 @@ LIBRATING = Section(
     symmetry_sign=-1,
     flights_per_period=2,
     # gamma_bar rounds to the saddle's pi next to Omega_h, so pi itself is allowed.
-    possible=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
-    impossible="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the "
+    allows_start=lambda gamma_bar, v: (abs(gamma_bar) <= math.pi) & (gamma_bar != 0) & (v < 0),
+    bad_start_message="shooting starts at beta = pi/2 with v < 0, within half a turn of gamma = pi/2: the "
     "guess does not",
-    no_return="the orbit does not return to beta = pi/2",
+    no_return_message="the orbit does not return to beta = pi/2",
     event_quantities=(_BETA_MAX,),
     saddle_scale=lambda point: abs(1 - (point[0] / math.pi) ** 2),
 )
@@ -163,9 +163,9 @@ ROTATING = Section(
     rotations=1,
     symmetry_sign=1,
     flights_per_period=1,
-    possible=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < 1.5707),
-    impossible="a rotating cycle leans to one side, 0 < beta - pi/2 < pi/2: the guess does not",
-    no_return="gamma does not come round: the orbit turns back, or has not passed the saddle",
+    allows_start=lambda beta_bar, v: (beta_bar > 0) & (beta_bar < 1.5707),
+    bad_start_message="a rotating cycle leans to one side, 0 < beta - pi/2 < pi/2: the guess does not",
+    no_return_message="gamma does not come round: the orbit turns back, or has not passed the saddle",
     event_quantities=(
         _BETA_MAX,
         EventQuantity("beta_bar_0", BOTTOM, 0),

@@ -28,8 +28,8 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.one_harmonic_law import section_start
 
 __all__ = [
-    "NEAR_THE_LAW",
-    "NEWBORN",
+    "MAX_DISTANCE_FROM_LAW",
+    "NEWBORN_DISTANCE",
     "LimitCycle",
     "amplitude_law_guess",
     "shoot",
@@ -41,14 +41,14 @@ C = TypeVar("C", bound=Cycle)
 #: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
 #: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
 #: law is nearer to the cycle than shooting.
-NEWBORN = Fraction(1, 10**12)
+NEWBORN_DISTANCE = Fraction(1, 10**12)
 _MAX_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.
 _MAX_LAW_AMPLITUDE = 2.5
 #: The largest relative distance of a cycle's amplitude from the law's. The law's own error at
 #: `_MAX_LAW_AMPLITUDE` is a fifth.
-NEAR_THE_LAW = 0.4
+MAX_DISTANCE_FROM_LAW = 0.4
 
 
 def shoot(
@@ -71,7 +71,9 @@ def shoot(
             ends far from its guess.
     """
     if len(guess) != 2:
-        raise InputError(f"a guess has two components: {' and '.join(return_map.section.names)}")
+        raise InputError(
+            f"a guess has two components: {' and '.join(return_map.section.coordinate_names)}"
+        )
     point = (DOUBLE.number(guess[0]), DOUBLE.number(guess[1]))
     scale = section_size(point)
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MAX_STEPS} steps")
@@ -120,10 +122,12 @@ def shoot_limit_cycle(
     fixed_point = None
     if guess is None:
         with suppress(NoSuchCycleError):
-            fixed_point = shoot(return_map, amplitude_law_guess(return_map), within=NEAR_THE_LAW)
+            fixed_point = shoot(
+                return_map, amplitude_law_guess(return_map), within=MAX_DISTANCE_FROM_LAW
+            )
     if fixed_point is None:
         if guess is None:
-            from tippedisk_verify.cycles.collocation.spectral import (
+            from tippedisk_verify.cycles.collocation.collocation_cycles import (
                 approximate_cycle,  # loads collocation
             )
 

@@ -28,6 +28,7 @@ from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
 
 __all__ = [
     "branch_to",
+    "collocation_fold_near",
     "first_fold",
     "floquet_mode",
     "fold_residual",
@@ -35,7 +36,6 @@ __all__ = [
     "not_converged_error",
     "rotation_at",
     "solve_on_plane",
-    "spectral_fold_near",
 ]
 
 _FIRST_SAMPLES = 24
@@ -130,7 +130,7 @@ def _solve(
 
 
 # -------------------------------------------------------------------------------------------- folds
-def spectral_fold_near(a: Collocation, start: Any) -> Any | None:
+def collocation_fold_near(a: Collocation, start: Any) -> Any | None:
     """Solve the collocation equations for a fold of limit cycles near a point.
 
     Args:
@@ -259,7 +259,7 @@ def _follow_branch(
         passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
             for start in (point, before):
-                fold = spectral_fold_near(a, start)
+                fold = collocation_fold_near(a, start)
                 if fold is not None:
                     behind = (fold[: n + 2] - point) @ (ahead - before) < 0
                     passed.insert(0 if behind else 1, (fold[: n + 2], True))

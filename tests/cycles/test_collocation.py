@@ -8,8 +8,8 @@ from fractions import Fraction
 import pytest
 
 from tests.problems import speed_below
-from tippedisk_verify.cycles.collocation.spectral import spectral_cycle
-from tippedisk_verify.cycles.collocation.spectral_branch import _librating_branch
+from tippedisk_verify.cycles.collocation.collocation_branch import _librating_branch
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import Exact, fraction
@@ -22,7 +22,7 @@ from tippedisk_verify.theory.one_harmonic_law import one_harmonic
 
 def test_the_consistent_law_is_the_limit_and_the_printed_is_not() -> None:
     speed = speed_below(CALIBRATED, "1e-4")
-    cycle = spectral_cycle(CALIBRATED, speed, digits=15)
+    cycle = collocation_cycle(CALIBRATED, speed, digits=15)
     crit = period_crit(CALIBRATED, 30).value
     ratios = {}
     for form in ("consistent", "printed"):
@@ -43,7 +43,7 @@ def test_cycles_close_under_the_flow(taylor) -> None:
     claimed.
     """
     speed = speed_below(PRINTED, "0.7")
-    cycle = spectral_cycle(PRINTED, speed, digits=25)
+    cycle = collocation_cycle(PRINTED, speed, digits=25)
     half = Fraction(1, 2)
     start = [Exact(Fraction(0), half), Exact(cycle.gamma_bar_0.value, half), cycle.v_0.value]
     end = taylor(Request(PRINTED, speed, start, cycle.period.value, precision=QUADRUPLE)).state
@@ -57,8 +57,8 @@ def test_cycles_close_under_the_flow(taylor) -> None:
 def test_few_harmonics_are_honest(harmonics) -> None:
     """The estimate bounds the true error even if that is large."""
     speed = speed_below(PRINTED, "0.5")
-    truth = spectral_cycle(PRINTED, speed, digits=30)
-    rough = spectral_cycle(PRINTED, speed, harmonics=harmonics)
+    truth = collocation_cycle(PRINTED, speed, digits=30)
+    rough = collocation_cycle(PRINTED, speed, harmonics=harmonics)
     for name in ("period", "gamma_bar_0", "v_0", "beta_max"):
         assert getattr(rough, name).holds(getattr(truth, name).value), name
 
@@ -77,16 +77,16 @@ def test_too_few_harmonics_find_nothing_rather_than_something() -> None:
         ),
     ):
         with pytest.raises(NoSuchCycleError, match=word):
-            spectral_cycle(PRINTED, speed_below(PRINTED, distance), harmonics=harmonics)
+            collocation_cycle(PRINTED, speed_below(PRINTED, distance), harmonics=harmonics)
 
 
 def test_subcritical_disks_have_their_cycles_above() -> None:
     thin = PRINTED.changed(A="0.227e-3")
     assert criticality(thin) == "subcritical"
-    cycle = spectral_cycle(thin, omega_crit(thin, 40).value + Fraction(1, 100))
+    cycle = collocation_cycle(thin, omega_crit(thin, 40).value + Fraction(1, 100))
     assert cycle.beta_max.value > Fraction(1, 20)
     below = omega_crit(thin, 40).value - Fraction(1, 100)
-    assert spectral_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
+    assert collocation_cycle(thin, below).beta_max.value > Fraction(1, 5)  # beyond the fold
 
 
 @pytest.mark.parametrize("inertia", ["0.228e-3", "0.229e-3", "0.23e-3"])

@@ -1,7 +1,7 @@
 """Limit cycles and their folds by Fourier collocation in time, to any number of digits.
 
 No integrator is used. Each answer is computed at two resolutions. The equations are in `fourier`.
-`spectral_branch` leads to a cycle in double, from which chord steps continue.
+`collocation_branch` leads to a cycle in double, from which chord steps continue.
 """
 
 from __future__ import annotations
@@ -14,15 +14,9 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.collocation.fourier import (
-    MAX_SAMPLES,
-    Collocation,
-    CycleKind,
-    resample,
-    samples_for,
-)
-from tippedisk_verify.cycles.collocation.spectral_branch import (
+from tippedisk_verify.cycles.collocation.collocation_branch import (
     branch_to,
+    collocation_fold_near,
     first_fold,
     floquet_mode,
     fold_residual,
@@ -30,7 +24,13 @@ from tippedisk_verify.cycles.collocation.spectral_branch import (
     not_converged_error,
     rotation_at,
     solve_on_plane,
-    spectral_fold_near,
+)
+from tippedisk_verify.cycles.collocation.fourier import (
+    MAX_SAMPLES,
+    Collocation,
+    CycleKind,
+    resample,
+    samples_for,
 )
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
@@ -42,11 +42,11 @@ from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = [
-    "SpectralCycle",
+    "CollocationCycle",
     "approximate_cycle",
-    "spectral_cycle",
-    "spectral_fold",
-    "spectral_rotation",
+    "collocation_cycle",
+    "collocation_fold",
+    "collocation_rotation",
 ]
 
 _MAX_HARMONICS = MAX_SAMPLES // 2
@@ -61,7 +61,7 @@ _SETTLED = 1e-9  # a step after which only rounding in double is left
 
 # --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
-class SpectralCycle(Printable):
+class CollocationCycle(Printable):
     """A librating limit cycle from spectral harmonic balance.
 
     Half-widths are from a balance of more harmonics.
@@ -78,9 +78,9 @@ class SpectralCycle(Printable):
 
 
 @ignore_numpy_errors()
-def spectral_cycle(
+def collocation_cycle(
     parameters: Parameters, omega: object, *, digits: int = 12, harmonics: int | None = None
-) -> SpectralCycle:
+) -> CollocationCycle:
     """Return the librating limit cycle at a speed by harmonic balance, to ``digits`` significant
     digits of its period.
 
@@ -108,7 +108,7 @@ def spectral_cycle(
     start = branch_to(parameters, speed)
 
     def numbers(a: Collocation) -> dict[str, Any]:
-        cycle = _cycle(a, start, speed)
+        cycle = _solve_cycle(a, start, speed)
         gamma, v = a.motion(cycle)
         beta_max = _largest(a, cycle[:-2], digits)
         return {
@@ -125,7 +125,7 @@ def spectral_cycle(
             raise not_converged_error(count)
         worst = max(number.uncertainty / abs(number.value) for number in result.values())
         if harmonics is not None or worst * 10**digits <= 1:
-            return SpectralCycle(speed, count // 2, **result)
+            return CollocationCycle(speed, count // 2, **result)
         if count >= MAX_SAMPLES:
             raise NoSuchCycleError(
                 f"the balance did not converge with {count // 2} harmonics: this close to Omega_h "
@@ -147,8 +147,8 @@ def _largest(a: Collocation, beta: Any, digits: int) -> Any:
     """
     n, first = a.count, int(abs(beta).argmax())
     at, signs = a.pi * numpy.arange(n) / n, (-1) ** numpy.arange(n)
-    slope = a.differentiated(beta)
-    curve = a.differentiated(slope)
+    slope = a.derivative_at_samples(beta)
+    curve = a.derivative_at_samples(slope)
     angle = at[first] - slope[first] / curve[first]
     for _ in range(6 + digits.bit_length()):
         weights = signs / a.sin(angle - at)
@@ -178,7 +178,7 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
 
 
 # ---------------------------------------------------------------------------------- rotating cycles
-def spectral_rotation(
+def collocation_rotation(
     parameters: Parameters, omega: object, *, stable: bool, digits: int
 ) -> dict[str, Measured]:
     """Return numbers of the rotating limit cycle of the linear law at a speed, to about ``digits``
@@ -205,7 +205,7 @@ def spectral_rotation(
     start = rotation_at(parameters, float(speed), stable)
 
     def numbers(a: Collocation) -> dict[str, Any]:
-        cycle = _cycle(a, start, speed)
+        cycle = _solve_cycle(a, start, speed)
         period = 2 * a.pi / cycle[-2]
         return {
             "period": period,
@@ -239,14 +239,16 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
             numpy.concatenate((v, turning * beta, by_beta * beta + by_gamma * gamma + by_v * v))
             / cycle[-2]
         )
-        slopes = numpy.concatenate([a.differentiated(samples) for samples in (beta, gamma, v)])
+        slopes = numpy.concatenate(
+            [a.derivative_at_samples(samples) for samples in (beta, gamma, v)]
+        )
         return numpy.append(rates - slopes - exponent * mode, mode[largest] - 1)
 
-    return _chord(a, system, numpy.append(mode, exponent), residual)[-1]
+    return _chord_iteration(a, system, numpy.append(mode, exponent), residual)[-1]
 
 
 # -------------------------------------------------------------------------------------------- folds
-def spectral_fold(
+def collocation_fold(
     parameters: Parameters, kind: CycleKind = CycleKind.ROTATING, *, digits: int = 12
 ) -> dict[str, Measured]:
     """Return numbers of the fold of the linear law's rotating limit cycles, or of the first one of
@@ -274,11 +276,11 @@ def spectral_fold(
 
     def numbers(a: Collocation) -> dict[str, Any]:
         n, double = a.count, a.double
-        fold = spectral_fold_near(double, resample(kind, start, n))
+        fold = collocation_fold_near(double, resample(kind, start, n))
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
         largest = int(abs(fold[n + 2 :]).argmax())
-        fold = _chord(
+        fold = _chord_iteration(
             a,
             fold_system(double, fold, largest),
             fold,
@@ -335,7 +337,7 @@ def _at_two_resolutions(
     return {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
 
 
-def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
+def _solve_cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     """Solve for the limit cycle at a speed by collocation, and return its point (n + 2,) in the
     collocation's arithmetic.
 
@@ -346,13 +348,15 @@ def _cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     point = solve_on_plane(double, resample(a.kind, start, a.count))
     if point is None:
         raise not_converged_error(a.count)
-    unknowns = _chord(
+    unknowns = _chord_iteration(
         a, double.matrix(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
     )
     return numpy.append(unknowns, exact)
 
 
-def _chord(a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]) -> Any:
+def _chord_iteration(
+    a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]
+) -> Any:
     """Solve the equations ``residual`` = 0 in mpmath numbers, by chord steps with their derivative
     ``system`` in double.
 
