@@ -9,7 +9,7 @@ import pytest
 
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import with_speed
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import with_uncertainty_of_omega_h
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting.section import LIBRATING
@@ -65,7 +65,7 @@ def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
         cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
         for change in (0, off)
     )
-    widened = with_speed(here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor)
+    widened = with_uncertainty_of_omega_h(here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor)
     over = []
     for name in widened.__dataclass_fields__:
         number = getattr(widened, name)

@@ -66,7 +66,7 @@ def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
 def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> None:
     numbers = {
         name: Measured(Fraction(2), Fraction(3, 10**12))
-        for name in ("omega", "period", *LIBRATING.names)
+        for name in ("omega", "period", *LIBRATING.coordinate_names)
     }
     monkeypatch.setattr(folds, "_fold_in", lambda *_: SimpleNamespace(**numbers))
     assert (

@@ -74,7 +74,7 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     above, below = known.librating_at(omega_h + near), known.librating_at(omega_h - near)
     assert [start.has_coordinates for start in above.guesses] == [False]
     assert not below.guesses
-    assert "1e-20 rad/s below Omega_h" in below.refusal
+    assert "1e-20 rad/s below Omega_h" in below.reason_for_none
     rotating = known.rotating_at(omega_h - near, stable=True)
     assert [start.has_coordinates for start in rotating.guesses] == [False]
     assert not known.rotating_at(omega_h + near, stable=True).guesses

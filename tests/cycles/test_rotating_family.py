@@ -54,7 +54,7 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
                 name,
                 omega,
             )
-        for name in ("period", *ROTATING.names, "beta_max"):
+        for name in ("period", *ROTATING.coordinate_names, "beta_max"):
             number = getattr(cycles[index], name)
             assert number.uncertainty <= abs(number.value) / 10**12, (name, omega)
 
