@@ -66,7 +66,7 @@ class Program:
         pipes = (self._process.stdin, self._process.stdout, self._process.stderr)
         self._pipes = tuple(stream for stream in pipes if stream is not None)  # all three exist
         self._input, output, errors = self._pipes
-        self._unsent = self._rest = self._murmur = b""
+        self._unsent = self._partial_line = self._partial_error_line = b""
         self._errors: deque[str] = deque(maxlen=_MAX_STDERR_LINES)
         self._errors_before = 0
         self._closed = False  # standard output
@@ -125,7 +125,7 @@ class Program:
             return f"{self.name} went on when its input had ended, and was ended"
         return "" if (how := self._ending()) == "status 0" else f"{self.name} ended with {how}"
 
-    def explained(self, broken: str) -> str:
+    def end_reason(self, broken: str) -> str:
         """Return the reason why the program gives no more answers, with its last line of standard
         error.
 
@@ -141,7 +141,11 @@ class Program:
         A first line counts the earlier ones, if any were dropped.
         """
         before = [f"({self._errors_before} lines before)"] if self._errors_before else []
-        return [*before, *self._errors, *([_shown(self._murmur)] if self._murmur else [])]
+        return [
+            *before,
+            *self._errors,
+            *([_printable_line(self._partial_error_line)] if self._partial_error_line else []),
+        ]
 
     def kill(self) -> None:
         """Kill the program and its children, which may hold the pipes too."""
@@ -188,7 +192,7 @@ class Program:
         lines = [line for key, _ in ready for line in key.data(key.fileobj)]
         # A child of the program may keep the pipe open after the program has ended.
         if not ready and not self._closed and self._ending():
-            lines = self._last()
+            lines = self._close_output()
         for line in lines:
             take(line.decode("utf-8", "replace"))
 
@@ -205,35 +209,35 @@ class Program:
         return []
 
     def _read_stdout(self, stream: IO[bytes]) -> list[bytes]:
-        content = self._received(stream)
-        *whole, rest = (self._rest + content).split(b"\n")
-        self._rest = rest[:_MAX_LINE]
-        return whole if content else self._last()
+        content = self._read_chunk(stream)
+        *whole, rest = (self._partial_line + content).split(b"\n")
+        self._partial_line = rest[:_MAX_LINE]
+        return whole if content else self._close_output()
 
-    def _last(self) -> list[bytes]:
+    def _close_output(self) -> list[bytes]:
         """Mark the program's standard output as closed, and return the rest that was read.
 
         The last line may lack a newline.
         """
         self._closed = True
-        rest, self._rest = self._rest, b""
+        rest, self._partial_line = self._partial_line, b""
         return [rest]
 
     def _read_stderr(self, stream: IO[bytes]) -> list[bytes]:
-        *whole, rest = (self._murmur + self._received(stream)).split(b"\n")
-        self._murmur = rest[:_MAX_STDERR_WIDTH]
+        *whole, rest = (self._partial_error_line + self._read_chunk(stream)).split(b"\n")
+        self._partial_error_line = rest[:_MAX_STDERR_WIDTH]
         self._errors_before += max(len(self._errors) + len(whole) - _MAX_STDERR_LINES, 0)
-        self._errors.extend(map(_shown, whole))
+        self._errors.extend(map(_printable_line, whole))
         return []
 
-    def _received(self, stream: IO[bytes]) -> bytes:
+    def _read_chunk(self, stream: IO[bytes]) -> bytes:
         content = os.read(stream.fileno(), _CHUNK_BYTES)
         if not content:
             self._selector.unregister(stream)
         return content
 
 
-def _shown(line: bytes) -> str:
+def _printable_line(line: bytes) -> str:
     return printable(line[:_MAX_STDERR_WIDTH].decode("utf-8", "replace").rstrip())
 
 

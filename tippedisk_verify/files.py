@@ -49,7 +49,7 @@ def output_folder(path: str | Path) -> Path:
         InputError: If the folder cannot be used.
     """
     folder = Path(path)
-    with _refused(f"output folder {_named(folder)} cannot be written"):
+    with _os_errors_as_input_errors(f"output folder {_shortened_path(folder)} cannot be written"):
         if not str(path) or "\0" in str(path):
             raise OSError("that is no name of a folder")
         if folder.exists() and not folder.is_dir():
@@ -70,11 +70,11 @@ def output_file(path: str) -> Path:
         InputError: If the path cannot be that of a file.
     """
     file = Path(path)
-    with _refused(f"'{_named(file)}' cannot be written"):
+    with _os_errors_as_input_errors(f"'{_shortened_path(file)}' cannot be written"):
         if not path or "\0" in path:
             raise OSError("that is no name of a file")
         if not file.parent.is_dir():
-            raise OSError(f"there is no folder {_named(file.parent)}")
+            raise OSError(f"there is no folder {_shortened_path(file.parent)}")
         if file.exists() and not file.is_file():
             raise OSError(_obstacle(file))
     return file
@@ -112,7 +112,10 @@ def write_bytes(path: Path, content: bytes) -> Path:
         InputError: If the path is not that of a regular file, or cannot be written.
     """
     path = path.resolve() if path.is_symlink() else path
-    with _refused(f"{_named(path)} cannot be written"), postpone_ctrl_c():
+    with (
+        _os_errors_as_input_errors(f"{_shortened_path(path)} cannot be written"),
+        postpone_ctrl_c(),
+    ):
         if path.exists() and not path.is_file():
             raise OSError(_obstacle(path))
         descriptor, temporary = tempfile.mkstemp(prefix=f".{path.name}-", dir=path.parent)
@@ -194,7 +197,7 @@ def checked_file_path(path: str, *kinds: str) -> Path:
     file = output_file(path)
     if file.suffix.lower() not in kinds:
         listed = " or ".join(filter(None, (", ".join(kinds[:-1]), kinds[-1])))
-        raise InputError(f"'{_named(file)}' must end in {listed}")
+        raise InputError(f"'{_shortened_path(file)}' must end in {listed}")
     if file.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise InputError("Parquet needs pyarrow: pip install '.[cluster]', or write .csv")
     return file
@@ -242,7 +245,7 @@ def file_lock(lock: Path, refusal: str) -> Iterator[None]:
     """
     import fcntl
 
-    with _refused(f"{_named(lock)} cannot be written"):
+    with _os_errors_as_input_errors(f"{_shortened_path(lock)} cannot be written"):
         handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK, 0o666)
     with os.fdopen(handle, "rb"):
         try:
@@ -255,7 +258,7 @@ def file_lock(lock: Path, refusal: str) -> Iterator[None]:
         except OSError as fault:
             reason = f"({fault.strerror or fault}), so two runs could write at once"
             raise InputError(
-                f"{_named(lock)} cannot be locked {reason}: give a place on another file system"
+                f"{_shortened_path(lock)} cannot be locked {reason}: give a place on another file system"
             ) from None
         if not held:
             raise InputError(refusal)
@@ -274,7 +277,9 @@ def sole_writer(path: str | Path) -> Iterator[Path]:
     """
     folder = output_folder(path)
     remove = partial((folder / ".lock").unlink, missing_ok=True)
-    refusal = f"another run is writing into {_named(folder)}: wait for it, or give another --out"
+    refusal = (
+        f"another run is writing into {_shortened_path(folder)}: wait for it, or give another --out"
+    )
     with file_lock(folder / ".lock", refusal), clean_up_on_ctrl_c(remove):
         try:
             yield folder
@@ -297,7 +302,7 @@ def read_text(path: Path, largest: int) -> str:
     try:
         return read_bytes(path, largest).decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise InputError(f"{_named(path)} is not a text file in UTF-8") from None
+        raise InputError(f"{_shortened_path(path)} is not a text file in UTF-8") from None
 
 
 def read_bytes(path: Path, largest: int) -> bytes:
@@ -310,15 +315,15 @@ def read_bytes(path: Path, largest: int) -> bytes:
     Raises:
         InputError: If the file is too large, is not a regular file, or cannot be read.
     """
-    with _refused(f"{_named(path)} cannot be read"):
+    with _os_errors_as_input_errors(f"{_shortened_path(path)} cannot be read"):
         if "\0" in str(path) or not path.exists():
             raise OSError("there is no such file")
         if not path.is_file():
-            raise InputError(f"{_named(path)} is not a regular file")
+            raise InputError(f"{_shortened_path(path)} is not a regular file")
         with open(path, "rb") as stream:
             content = stream.read(largest + 1)
     if len(content) > largest:
-        raise InputError(f"{_named(path)} is larger than {largest} bytes")
+        raise InputError(f"{_shortened_path(path)} is larger than {largest} bytes")
     return content
 
 
@@ -334,14 +339,14 @@ def printable(text: str) -> str:
     return "".join(character if character.isprintable() else "?" for character in text)
 
 
-def _named(path: Path) -> str:
+def _shortened_path(path: Path) -> str:
     """Return a path for a message: its last 200 characters if it is long."""
     text = printable(str(path))
     return text if len(text) <= 200 else f"...{text[-197:]}"
 
 
 @contextmanager
-def _refused(what: str) -> Iterator[None]:
+def _os_errors_as_input_errors(what: str) -> Iterator[None]:
     """Turn an OSError raised in the context into an InputError, a line that begins with ``what``."""
     try:
         yield

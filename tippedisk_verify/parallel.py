@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor, as_completed
 from typing import Any, TypeVar
 
-__all__ = ["as_done", "map_of", "usable_cores"]
+__all__ = ["map_of", "results_as_completed", "usable_cores"]
 
 Job = TypeVar("Job")
 Answer = TypeVar("Answer")
 
 
-def as_done(
+def results_as_completed(
     function: Callable[[Job], Answer], jobs: Iterable[Job], executor: Executor | None
 ) -> Iterator[tuple[Job, Answer]]:
     """Apply a function to jobs, in this process or on an executor, and yield each job with its

@@ -11,7 +11,7 @@ FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
 from tippedisk_verify.commands.common import OutputOptions, command  # noqa: E402
-from tippedisk_verify.commands.jobs import jobs_option, processes  # noqa: E402
+from tippedisk_verify.commands.jobs import jobs_option, process_pool  # noqa: E402
 from tippedisk_verify.interrupts import handle_ctrl_c  # noqa: E402
 
 
@@ -30,7 +30,7 @@ from tippedisk_verify.interrupts import handle_ctrl_c  # noqa: E402
 def make(output: OutputOptions, prefixes: tuple[str, ...], out: str, jobs: int | None) -> int:
     from reference_data.make.generation import generate
 
-    with output.progress() as advance, processes(jobs) as pool:
+    with output.progress() as advance, process_pool(jobs) as pool:
         count = generate(out, prefixes, pool, advance)
     output.show({"made": count}, [f"{count} entries made"])
     return 0

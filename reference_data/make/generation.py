@@ -28,7 +28,7 @@ from tippedisk_verify.files import (
     sole_writer,
     write_text,
 )
-from tippedisk_verify.parallel import as_done
+from tippedisk_verify.parallel import results_as_completed
 from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import stored_questions
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
@@ -82,7 +82,7 @@ def generate(
     with sole_writer(out) as folder:
         entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")
-        for (item, *_), answer in as_done(
+        for (item, *_), answer in results_as_completed(
             _computed, [(item, work, _code()) for item in items], executor
         ):
             entries[item.id] = answer

@@ -65,7 +65,9 @@ def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
         cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
         for change in (0, off)
     )
-    widened = with_uncertainty_of_omega_h(here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor)
+    widened = with_uncertainty_of_omega_h(
+        here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor
+    )
     over = []
     for name in widened.__dataclass_fields__:
         number = getattr(widened, name)

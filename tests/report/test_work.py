@@ -14,7 +14,7 @@ from tests.command_line import answer
 from tippedisk_verify.audit.claim_catalogue import CLAIMS, select_claims
 from tippedisk_verify.audit.claims import Audit, Finding, examine_claim
 from tippedisk_verify.cache import VARIABLE, Cache
-from tippedisk_verify.commands.jobs import processes
+from tippedisk_verify.commands.jobs import process_pool
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
@@ -107,7 +107,7 @@ def test_processes_change_nothing() -> None:
         order,
         tasks,
         Cache(None),
-        lambda tasks: processes(2),
+        lambda tasks: process_pool(2),
         lambda label, more: steps.append(more),
     )
     assert shared == run(order, tasks, Cache(None), alone, quiet)[0]

@@ -260,7 +260,7 @@ class _ExternalIntegrator:
 
         broken = self._program.ask(json.dumps(question(problem, tolerance)) + "\n", waiting, take)
         if broken:
-            raise ArithmeticError(self._program.explained(broken))
+            raise ArithmeticError(self._program.end_reason(broken))
         try:
             answer = json.loads(lines[0])
             self.seconds = float(answer["seconds"]) if "seconds" in answer else None

@@ -24,7 +24,7 @@ from tippedisk_verify.commands.common import (
     omega_option,
     unstable_option,
 )
-from tippedisk_verify.commands.jobs import jobs_option, processes
+from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
@@ -173,7 +173,7 @@ def branch(
 ) -> int:
 
     def workers(several: bool) -> Any:
-        return processes(jobs, needed=several)
+        return process_pool(jobs, needed=several)
 
     folder = lock_output_folder(out)
     proof = common.disk.certify.branch(to, workers=workers, progress=not common.quiet)
@@ -204,7 +204,7 @@ def check(output: OutputOptions, file: str, jobs: int | None) -> int:
     from tippedisk_verify.proofs.kernel import certificates
 
     def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
-        with processes(jobs, needed=len(arcs) > 1) as pool:
+        with process_pool(jobs, needed=len(arcs) > 1) as pool:
             answers = map_of(pool)(shown, arcs)
             yield from with_progress(answers, "arcs", len(arcs), not output.quiet)
 

@@ -35,7 +35,6 @@ __all__ = [
     "command",
     "decimal",
     "disk_command",
-    "file_for",
     "group",
     "half_widths_option",
     "levels",
@@ -43,6 +42,7 @@ __all__ = [
     "motion_rows",
     "omega_option",
     "option_callback",
+    "output_file_callback",
     "rotating_option",
     "table",
     "unstable_option",
@@ -147,7 +147,7 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
     return value
 
 
-def file_for(*endings: str) -> Check:
+def output_file_callback(*endings: str) -> Check:
     """Return a callback for click that checks an option: the name of an output file with one of
     these endings.
     """

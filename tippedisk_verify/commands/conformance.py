@@ -14,11 +14,11 @@ import click
 from tippedisk_verify.commands.common import (
     OutputOptions,
     command,
-    file_for,
     group,
     levels,
     lock_output_folder,
     option_callback,
+    output_file_callback,
 )
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
@@ -39,7 +39,7 @@ _FILE_WIDTH = 100_000  # width of a file in characters, more than any line has
 _MAX_CSV_BYTES = 64_000_000  # bytes of a file that --csv may replace
 
 
-def _known_reading(reading: str) -> str:
+def _checked_reading(reading: str) -> str:
     if reading not in ("decimals", "doubles"):
         raise InputError(f"--from is decimals or doubles, not '{reading!s:.40}'")
     return reading
@@ -83,26 +83,26 @@ _question_options = _combined_options(
 _from_option = click.option(
     "--from",
     "from_",
-    callback=option_callback(_known_reading),
+    callback=option_callback(_checked_reading),
     metavar="decimals|doubles",
     help="How the answers read their inputs, if the sheet does not say so.",
 )
 _grading_options = _combined_options(
     click.option(
         "--html",
-        callback=file_for(".html", ".htm"),
+        callback=output_file_callback(".html", ".htm"),
         metavar="FILE.html|.htm",
         help="Write a page with all grades there.",
     ),
     click.option(
         "--csv",
-        callback=file_for(".csv"),
+        callback=output_file_callback(".csv"),
         metavar="FILE.csv",
         help="Write the grades of each quantity there.",
     ),
     click.option(
         "--badge",
-        callback=file_for(".svg"),
+        callback=output_file_callback(".svg"),
         metavar="FILE.svg",
         help="Write a badge there that shows which levels agree.",
     ),
@@ -147,7 +147,7 @@ def questions(
     store = load_store()
     if target is not None:
         _refuse_filled_in(target, store)
-    store = _blank_ones(states, seed, set_) or store
+    store = _blank_questions(states, seed, set_) or store
     chosen = asked(store, sets=set_, frictions=friction, levels=levels or ())
     if target is None:
         output.show(json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
@@ -252,7 +252,7 @@ def run(
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = load_store()
     wanted = _RequestedOutput.checked(store, **grading)
-    blank = _blank_ones(states, seed, set_)
+    blank = _blank_questions(states, seed, set_)
     asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
     first = chosen(blank or store, sets=set_, levels=(1,))[0]
     folder = lock_output_folder(out)
@@ -351,7 +351,7 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
 
 
 # ----------------------------------------------------------------------------------------- reports
-def _blank_ones(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
+def _blank_questions(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
     """Return the fresh questions that --states and --seed ask for, without answers, or None.
 
     Raises:
@@ -397,7 +397,7 @@ class _RequestedOutput:
         from tippedisk_verify.conformance.gate import expected_failures as named
 
         if csv is not None:
-            _over_grades(csv)
+            _refuse_to_overwrite(csv)
         expectable = None if expected_failures is None else named(Path(expected_failures), store)
         return cls(html, csv, badge, require, expectable)
 
@@ -447,7 +447,7 @@ class _RequestedOutput:
         return 1 if short else 0
 
 
-def _over_grades(path: Path) -> None:
+def _refuse_to_overwrite(path: Path) -> None:
     """Raise InputError if --csv would overwrite a file that is not a table of grades.
 
     Sheets of answers are CSV files as well.

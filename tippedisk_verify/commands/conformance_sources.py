@@ -30,16 +30,16 @@ GRADERS = {"javascript": "grade.mjs", "octave": "tippedisk_grade.m"}
 )
 @click.argument("language", metavar="|".join(CLIENTS))
 def client(output: OutputOptions, language: str) -> int:
-    return _printed(output, language, CLIENTS)
+    return _print_files(output, language, CLIENTS)
 
 
 @command("Print a program in this language that grades answers with the table of reference data.")
 @click.argument("language", metavar="|".join(GRADERS))
 def grader(output: OutputOptions, language: str) -> int:
-    return _printed(output, language, GRADERS)
+    return _print_files(output, language, GRADERS)
 
 
-def _printed(output: OutputOptions, language: str, files: dict[str, str]) -> int:
+def _print_files(output: OutputOptions, language: str, files: dict[str, str]) -> int:
     if language not in files:
         raise InputError(
             f"there is no program in '{printable(language)[:40]}': use {', '.join(files)}"

@@ -13,9 +13,9 @@ import click
 from tippedisk_verify.commands.common import (
     DiskOptions,
     disk_command,
-    file_for,
     half_widths_option,
     motion_rows,
+    output_file_callback,
     table,
     with_width_columns,
 )
@@ -55,7 +55,7 @@ _MAX_FILE = 2**20  # bytes of a file of answers; each takes seconds
 )
 @click.option(
     "--out",
-    callback=file_for(".csv", ".png"),
+    callback=output_file_callback(".csv", ".png"),
     metavar="FILE.csv|.png",
     help="Write samples of the connecting orbit there; with --near the table, or its figure.",
 )

@@ -16,7 +16,7 @@ from tippedisk_verify.parallel import usable_cores
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
-__all__ = ["checked_executor", "checked_jobs", "jobs_option", "processes", "workers_of"]
+__all__ = ["checked_executor", "checked_jobs", "jobs_option", "process_pool", "worker_executor"]
 
 _MIN_OFFERED = 16  # processes that --jobs allows on any machine
 
@@ -58,7 +58,7 @@ jobs_option = click.option(
 
 
 @contextmanager
-def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
+def process_pool(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | None]:
     """Yield a pool of new processes, or None if this process is enough.
 
     Ctrl-C reaches this process only, and the pool always ends with it.
@@ -81,7 +81,7 @@ def processes(jobs: int | None, *, needed: bool = True) -> Iterator[Executor | N
 
 
 @contextmanager
-def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
+def worker_executor(executor: str, jobs: int | None) -> Iterator[Executor | None]:
     """Yield the executor that --executor names, or None for this process.
 
     Each call checks that its worker has the same code.
@@ -100,5 +100,5 @@ def workers_of(executor: str, jobs: int | None) -> Iterator[Executor | None]:
         with cluster(executor) as workers:
             yield workers
     else:
-        with processes(jobs, needed=executor == "local") as pool:
+        with process_pool(jobs, needed=executor == "local") as pool:
             yield pool and CodeCheckingExecutor(pool)

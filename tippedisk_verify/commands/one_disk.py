@@ -16,17 +16,17 @@ from tippedisk_verify.commands.common import (
     below_crit_option,
     decimal,
     disk_command,
-    file_for,
     half_widths_option,
     lock_output_folder,
     motion_rows,
     omega_option,
+    output_file_callback,
     rotating_option,
     table,
     unstable_option,
     with_width_columns,
 )
-from tippedisk_verify.commands.jobs import jobs_option, processes
+from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import read_text, write_bytes, write_csv, write_table
 from tippedisk_verify.model.equations import require_one_speed
@@ -86,7 +86,7 @@ _STATES = ("inverted", "noninverted")
 @half_widths_option
 @click.option(
     "--out",
-    callback=file_for(".csv", ".parquet", ".png"),
+    callback=output_file_callback(".csv", ".parquet", ".png"),
     metavar="FILE.csv|.parquet|.png",
     help="Write a table of the motion and its events there, or a figure.",
 )
@@ -300,7 +300,10 @@ def harmonic_balance(
 @click.option("--omegas", metavar="X,X,...", help="Use these speeds [rad/s], in this order.")
 @rotating_option
 @click.option(
-    "--out", callback=file_for(".csv"), metavar="FILE.csv", help="Write the family there as CSV."
+    "--out",
+    callback=output_file_callback(".csv"),
+    metavar="FILE.csv",
+    help="Write the family there as CSV.",
 )
 @half_widths_option
 def branch(
@@ -431,7 +434,7 @@ def basin(
         distance = disk.basin_boundary(speed).margin([DOUBLE.number(part) for part in start])
         return {"margin": distance.to_dict(), "keeps_standing": distance > 0}
     folder = lock_output_folder(out)
-    with processes(jobs, needed=count >= 10_000) as pool:
+    with process_pool(jobs, needed=count >= 10_000) as pool:
         how = {"count": count, "duration": seconds, "v": velocity, "executor": pool}
         plane = disk.basins(speed, progress=not common.quiet, **how)
     if folder is not None:

@@ -13,7 +13,7 @@ from tippedisk_verify.commands.common import (
     command,
     group,
 )
-from tippedisk_verify.commands.jobs import jobs_option, processes
+from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.model.results import heading
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def check(
     from tippedisk_verify.reference_values.manifest import data_folder
 
     folder = data_folder() if data is None else Path(data)
-    with output.progress() as advance, processes(jobs, needed=bool(sample) or all_) as pool:
+    with output.progress() as advance, process_pool(jobs, needed=bool(sample) or all_) as pool:
         report = checked(
             folder, sample=None if all_ else sample, seed=seed, executor=pool, advance=advance
         )

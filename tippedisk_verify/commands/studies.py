@@ -14,15 +14,20 @@ from tippedisk_verify.commands.common import (
     OutputOptions,
     command,
     disk_command,
-    file_for,
     lock_output_folder,
     option_callback,
+    output_file_callback,
     table,
 )
-from tippedisk_verify.commands.jobs import checked_executor, jobs_option, processes, workers_of
+from tippedisk_verify.commands.jobs import (
+    checked_executor,
+    jobs_option,
+    process_pool,
+    worker_executor,
+)
 from tippedisk_verify.files import write_csv, write_text
 from tippedisk_verify.model.exact import short_text
-from tippedisk_verify.parallel import as_done
+from tippedisk_verify.parallel import results_as_completed
 from tippedisk_verify.progress import with_progress
 
 __all__ = ["COMMANDS"]
@@ -47,7 +52,7 @@ __all__ = ["COMMANDS"]
 )
 @click.option(
     "--out",
-    callback=file_for(".csv", ".parquet"),
+    callback=output_file_callback(".csv", ".parquet"),
     required=True,
     metavar="FILE.csv|.parquet",
     help="The table to write.",
@@ -74,7 +79,7 @@ def sweep(
 
     plan = Plan(analysis, common.disk, tuple(axis(text) for text in over), common.digits)
     with common.progress(len(plan)) as advance:
-        points, without = run_sweep(plan, out, lambda: workers_of(executor, jobs), advance)
+        points, without = run_sweep(plan, out, lambda: worker_executor(executor, jobs), advance)
     line = f"{points} points, {without} of them without results (see their status): {out}"
     common.show({"points": points, "without_numbers": without, "file": str(out)}, [line])
     return 0
@@ -174,10 +179,13 @@ def stress(
         return 0
     # The long cases first, so that the cores are busy until the end.
     order = [case.name for case in sorted(cases, key=lambda case: case.quick)]
-    with processes(jobs, needed=len(cases) > 1) as pool:
+    with process_pool(jobs, needed=len(cases) > 1) as pool:
         by_name = dict(
             with_progress(
-                as_done(run_stress_case, order, pool), "cases", len(cases), not output.quiet
+                results_as_completed(run_stress_case, order, pool),
+                "cases",
+                len(cases),
+                not output.quiet,
             )
         )
     outcomes = [by_name[case.name] for case in cases]

@@ -18,7 +18,7 @@ from tippedisk_verify.commands.common import (
     option_callback,
     table,
 )
-from tippedisk_verify.commands.jobs import checked_jobs, processes
+from tippedisk_verify.commands.jobs import checked_jobs, process_pool
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import write_csv
 from tippedisk_verify.parallel import usable_cores
@@ -127,7 +127,7 @@ def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
     The pool has ``jobs`` processes, or as many as there are cores, up to `_MAX_PROCESSES`.
     """
     workers = jobs or min(usable_cores(), wanted, _MAX_PROCESSES)
-    return processes(workers) if workers > 1 else nullcontext(None)
+    return process_pool(workers) if workers > 1 else nullcontext(None)
 
 
 def _listed(common: DiskOptions) -> int:

@@ -101,7 +101,7 @@ class Interview:
         self._counted = {quantity.id for quantity in asked_questions}
         opening, _ = self.exchange([question_row(self._store, first)])
         if not opening:
-            raise InputError(self.program.explained(self.broke_off))
+            raise InputError(self.program.end_reason(self.broke_off))
         self.start_up = time.perf_counter() - self.program.begun
         failed = 0
         for _, group in groupby(

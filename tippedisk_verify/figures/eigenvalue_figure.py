@@ -61,7 +61,7 @@ def draw_eigenvalues(rows: Sequence[Sequence[float]], crit: float, columns: int 
     name="eigenvalues",
     title="Eigenvalues of inverted spinning against the speed",
     labels="fig:bif_dia_3",
-    alternative="Two panels, real and imaginary part of two eigenvalues against Omega: two real "
+    alt_text="Two panels, real and imaginary part of two eigenvalues against Omega: two real "
     "ones meet, "
     "become a complex pair, and cross to negative real part at Omega_crit.",
 )

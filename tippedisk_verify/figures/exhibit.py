@@ -38,9 +38,10 @@ class Exhibit:
     draw: Callable[[Audit, Sequence[str]], Drawing]  #: takes the audit and the names of the claims
     name: str
     title: str
-    alternative: str  #: what the picture shows, for readers who cannot see it
+    alt_text: str  #: what the picture shows, for readers who cannot see it
     labels: str = ""  #: labels of the paper's figures that it redraws; empty for our own studies
-    alone: bool = False  #: True if it measures run times, so that nothing else may run meanwhile
+    #: True if it measures run times, so that nothing else may run meanwhile
+    runs_alone: bool = False
     packages: tuple[str, ...] = ()  #: further packages that it uses if they are installed
     cost: float = 0.0  #: time to draw it on one core [s], if that is three or more
 
@@ -79,7 +80,7 @@ def draw_exhibit(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dic
         "name": exhibit.name,
         "title": exhibit.title,
         "source": exhibit.source,
-        "alternative": exhibit.alternative,
+        "alternative": exhibit.alt_text,
         "claims": list(examined),
     }
     try:

@@ -102,7 +102,7 @@ def draw_branch(curves: Mapping[str, Rows], columns: int = 3) -> Any:
     name="branch",
     title="The family of limit cycles, and the closed-form laws",
     labels="fig:HBM, fig:Shooting",
-    alternative="Three panels against Omega: amplitude and period of the cycles by shooting, with "
+    alt_text="Three panels against Omega: amplitude and period of the cycles by shooting, with "
     "both one-harmonic "
     "laws, which start at the Hopf point with the true cycles and fall below them as Omega "
     "decreases; and the slow "
@@ -214,7 +214,7 @@ def draw_scenario(
     name="scenario",
     title="The whole scenario: librating and rotating limit cycles, and where the six scenes lie",
     labels="fig:sketch",
-    alternative="Two panels against Omega, largest lean and period: librating cycles between "
+    alt_text="Two panels against Omega, largest lean and period: librating cycles between "
     "Omega_h and the Hopf "
     "point, stable rotating cycles in a short range below Omega_h down to a fold, and from it "
     "dashed unstable ones "

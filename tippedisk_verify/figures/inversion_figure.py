@@ -146,7 +146,7 @@ def _draw_moments(parameters: Parameters, times: Any, states: Any, height: Any, 
     name="inversion",
     title="The inversion, computed",
     labels="fig:intro_inversion_COG, fig:intro_inversion",
-    alternative="Four views of a disk with a hole on a floor, as it turns over in its own plane, "
+    alt_text="Four views of a disk with a hole on a floor, as it turns over in its own plane, "
     "and below "
     "them the height of its centre of gravity against time, which rises and settles.",
 )

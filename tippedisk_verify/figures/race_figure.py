@@ -185,10 +185,10 @@ def _brief_methods() -> list[Method]:
     Exhibit,
     name="race",
     title="Run time against error",
-    alternative="Two panels with logarithmic axes, error against run time: the Taylor engine's "
+    alt_text="Two panels with logarithmic axes, error against run time: the Taylor engine's "
     "points lie left of the "
     "compiled peers', and far left of SciPy's, at the same error.",
-    alone=True,
+    runs_alone=True,
     packages=("numbalsoda",),
 )
 def race_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:

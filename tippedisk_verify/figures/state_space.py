@@ -290,7 +290,7 @@ def _panels(audit: Audit, examined: Sequence[str]) -> list[ComputedScene]:
     name="scenes_3d",
     title="Orbits and slow manifold in state space",
     labels="fig:3D",
-    alternative="Six panels, one for each speed, with axes beta, gamma and beta's rate: a grey "
+    alt_text="Six panels, one for each speed, with axes beta, gamma and beta's rate: a grey "
     "wavy surface, two "
     "orbits from marked starts that drop onto it, the limit cycle where there is one, and the "
     "equilibria.",
@@ -318,7 +318,7 @@ def scenes_3d_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     name="scenes_2d",
     title="The same orbits, projected onto beta and gamma",
     labels="fig:proj_3D",
-    alternative="Six panels in the plane of beta and gamma: orbits spiral onto a closed curve "
+    alt_text="Six panels in the plane of beta and gamma: orbits spiral onto a closed curve "
     "around inverted "
     "spinning, leave the well in panel a, and spiral into the equilibrium in panel f.",
 )

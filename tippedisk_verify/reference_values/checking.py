@@ -12,7 +12,7 @@ from pathlib import Path
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.parallel import as_done
+from tippedisk_verify.parallel import results_as_completed
 from tippedisk_verify.reference_values.grading_rules import table_row
 from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
 from tippedisk_verify.reference_values.questions import (
@@ -118,7 +118,7 @@ def check(
             getattr(fault, "faults", (f"the files are not reference data: {fault}",)),
         )
     redone = 0
-    for entry, (count, wrong) in as_done(
+    for entry, (count, wrong) in results_as_completed(
         recompute, _chosen(stored_questions(store), sample, seed), executor
     ):
         redone += count

@@ -155,7 +155,7 @@ def run(
         cache.put(keys[task], record)
 
     ahead = [task for task in tasks if task not in records]
-    alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).alone]
+    alone = [task for task in ahead if task.kind == "figure" and _exhibit(task.name).runs_alone]
     heavy = [task for task in ahead if task not in alone and not _is_cheap(task)]
     light = [task for task in ahead if _is_cheap(task)]
     with pool(len(heavy)) if len(heavy) > _MAX_TASKS_HERE else nullcontext() as executor:
