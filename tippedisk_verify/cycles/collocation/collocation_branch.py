@@ -55,9 +55,8 @@ _FLAT_LEAN = 1.5  # rad; the disk lies flat at pi/2
 # on, the last harmonics change the speed as much as the branch does, and it would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
-_MAX_IMAGINARY = (
-    0.4  # in units of the frequency; the next copies of a Floquet exponent differ by one
-)
+# In units of the frequency; the next copies of a Floquet exponent differ by one
+_MAX_IMAGINARY = 0.4
 # Leans [rad] of the starts. The first ones lead to the stable cycle, the last ones to the unstable
 # one.
 _START_LEANS = (0.04, 0.08, 0.02, 0.12, 0.2, 0.35, 0.6)

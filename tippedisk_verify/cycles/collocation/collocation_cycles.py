@@ -50,9 +50,8 @@ __all__ = [
 ]
 
 _MAX_HARMONICS = MAX_SAMPLES // 2
-_MAX_HALF_WIDTH = (
-    0.02  # a relative half-width of the period above which there may be no cycle at all
-)
+# A relative half-width of the period above which there may be no cycle at all
+_MAX_HALF_WIDTH = 0.02
 _GUARD_DIGITS = 15  # guard digits
 _FINER_DIGITS = 6  # extra digits of the finer collocation: more samples alone would add to rounding
 _MAX_PASSES = 60

@@ -42,9 +42,8 @@ __all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resample", "samples_for",
 
 MAX_SAMPLES = 2048  #: the largest number of samples of a collocation
 
-_EXTRA_BITS = (
-    20  # bits below an arithmetic's last one, in which sums of a thousand products are taken
-)
+# Bits below an arithmetic's last one, in which sums of a thousand products are taken
+_EXTRA_BITS = 20
 _COMPLEX_STEP = 1e-40  # rad/s; a complex step this small differentiates without cancellation
 _MIN_SAMPLES = 24  # samples; a cycle next to the Hopf point has hardly any harmonics
 

@@ -51,9 +51,8 @@ _OFF_MANIFOLD_SPEEDS = (-1.0, 0.0, 1.0)
 _MAX_FLIGHT = 30.0  # s, the longest flight
 _MAX_FAST = 2.0**-22  # the largest fast coordinate at which the flight may end
 _SPLITTING_STEP = 1e-5  # the step of the splitting's derivative, relative to Omega_h
-_SPEED_GRID = (
-    2**30
-)  # 1 / the grid [rad/s] of the flights' speeds, so that 64 bits hold these exactly
+# 1 / the grid [rad/s] of the flights' speeds, so that 64 bits hold these exactly
+_SPEED_GRID = 2**30
 _MAX_STEPS = 30
 _SETTLED = 2.0**-60  # the last relative step of sigma, and of times next to a saddle
 _IMAGINARY = 2.0**-100  # a relative imaginary part; its square is far below rounding
