@@ -36,7 +36,9 @@ _CACHE_FILE_NAME = re.compile(r"[0-9a-f]{64}\.json|\.[0-9a-f]{64}\.json-[a-z0-9_
 
 
 def default_folder() -> Path | None:
-    """Return the folder for cached results; None if results are not to be cached."""
+    """Return the folder for cached results: that of the compiled code, unless the variable is
+    ``code``; None if results are not to be cached.
+    """
     return None if os.environ.get(VARIABLE, "").strip().lower() == _CODE else code_folder()
 
 

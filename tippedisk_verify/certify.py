@@ -364,7 +364,7 @@ class Certifier:
                 except (NoConnectionError, AccuracyError):
                     return None
 
-            def cycles_at(speeds: list[Fraction] | None) -> list[Any]:
+            def librating_cycles_at(speeds: list[Fraction] | None) -> list[Any]:
                 try:
                     branch = self.disk.branch(speeds, progress=False)
                 except NoSuchCycleError as fault:
@@ -381,7 +381,7 @@ class Certifier:
             return prove_family(
                 self.disk,
                 connected_at,
-                cycles_at,
+                librating_cycles_at,
                 until=wanted,
                 pool=workers,
                 watch=watch,

@@ -485,7 +485,7 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+        from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 
         require_one_speed(
             omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het
@@ -515,7 +515,7 @@ class Disk(Parameters):
                 return cycle_above_omega_h(self, above_het, self._engine(engine), digits=digits)
         speed = self._speed(omega, below_crit, digits)
         with show_share("limit cycle", progress):
-            cycle = cycle_at(
+            cycle = librating_cycle_at(
                 self,
                 speed.value,
                 self._engine(engine),
@@ -568,8 +568,8 @@ class Disk(Parameters):
         from tippedisk_verify.cycles.locator import cached_locator
 
         locator = cached_locator(self, self._engine(engine))
-        if locator.no_family_reason:
-            raise AccuracyError(locator.no_family_reason)
+        if locator.family_failure:
+            raise AccuracyError(locator.family_failure)
         return libration_folds(self, locator.engine, digits=digits, family=locator.librating_family)
 
     def rotating_cycle(
@@ -657,14 +657,14 @@ class Disk(Parameters):
             NoSuchCycleError: If no speed has a cycle.
         """
         from tippedisk_verify.cycles.branch import (
-            DEFAULT_ROTATIONS,
+            DEFAULT_ROTATING_COUNT,
             require_some_cycle,
             rotating_branch,
         )
 
         speeds = omegas if omegas is None else checked_speeds(omegas)
         cycles = rotating_branch(self, self._engine(engine), speeds, half_widths=half_widths)
-        total = 2 * len(speeds or ()) or DEFAULT_ROTATIONS
+        total = 2 * len(speeds or ()) or DEFAULT_ROTATING_COUNT
         return require_some_cycle(with_progress(cycles, "limit cycles", total, progress))
 
     def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:

@@ -1,6 +1,4 @@
-"""The classes of a request's errors. Each message stands where it is raised, and names the fault
-and, where possible, a remedy.
-"""
+"""The errors that the package raises. Each message names the fault and, where possible, a remedy."""
 
 from __future__ import annotations
 

@@ -26,8 +26,8 @@ Item = TypeVar("Item")
 
 _DELAY = 2.0  # s before anything is shown
 _BETWEEN_DRAWINGS = 0.1  # s
-# The function that takes the share of the work that is done, and the part of it between two shares
-# that the computation is in; None outside `show_share`
+# The function that shows the share of the work that is done, and the two shares between which the
+# present `subrange` lies; None outside `show_share`
 _PART: ContextVar[tuple[Callable[[float], None], float, float] | None] = ContextVar(
     "part", default=None
 )

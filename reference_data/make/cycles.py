@@ -9,10 +9,10 @@ from typing import Any
 from tippedisk_verify.cycles.collocation.collocation_cycles import (
     collocation_cycle,
     collocation_fold,
-    collocation_rotation,
+    collocation_rotating_cycle,
 )
 from tippedisk_verify.cycles.families.folds import fold_near
-from tippedisk_verify.cycles.shooting.section import EXTREME, FULL_ROTATION, ROTATING
+from tippedisk_verify.cycles.shooting.section import BETA_EXTREMUM, FULL_ROTATION, ROTATING
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status
@@ -94,7 +94,7 @@ class _Period:
             divergence=True,
             domain="none",
             variations=("beta", "gamma", "v", "Omega"),
-            events=(EXTREME, _TOP) if rotating else (EXTREME,),
+            events=(BETA_EXTREMUM, _TOP) if rotating else (BETA_EXTREMUM,),
         )
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
@@ -125,7 +125,7 @@ class _Period:
         return max(
             fraction(abs(event.state[0] - quarter))
             for event in self.result.events
-            if event.name == EXTREME.name
+            if event.name == BETA_EXTREMUM.name
         )
 
     def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:
@@ -278,7 +278,7 @@ def collocation(case: Case, values: Values) -> Values:
     if case.disk.friction != "linear":
         return {}
     stable = case.inputs["form"] == "stable"
-    numbers = collocation_rotation(
+    numbers = collocation_rotating_cycle(
         case.disk, case.inputs["Omega"], stable=stable, digits=_COLLOCATED_DIGITS
     )
     both, slow = numbers.pop("log_multipliers"), numbers["multiplier_slow"].log()

@@ -31,14 +31,14 @@ KINDS: tuple[ErrorKind, ...] = ("period", "crossing", "amplitude")
 
 
 @cache
-def cycle_at(omega: float) -> LimitCycle:
+def librating_cycle_at(omega: float) -> LimitCycle:
     """Return the limit cycle at a speed."""
     return DISK.limit_cycle(omega)
 
 
 @pytest.fixture(scope="module")
 def problem() -> Problem:
-    cycle = cycle_at(OMEGA)
+    cycle = librating_cycle_at(OMEGA)
     start = (float(np.pi / 2), float(cycle.gamma_bar_0) + np.pi / 2, float(cycle.v_0))
     return Problem("planted", "", DISK, OMEGA, start, DURATION)
 
@@ -91,7 +91,7 @@ def test_the_error_of_another_speed_is_that_of_its_cycle(
     problem: Problem, error: ErrorKind
 ) -> None:
     other = OMEGA * (1 + CHANGE)
-    ours, theirs = cycle_at(OMEGA), cycle_at(other)
+    ours, theirs = librating_cycle_at(OMEGA), librating_cycle_at(other)
     names = {"period": ["period"], "crossing": ["gamma_bar_0", "v_0"], "amplitude": ["beta_max"]}
     expected = max(abs(float(getattr(theirs, n) - getattr(ours, n))) for n in names[error])
     score = score_of(motion(other), problem, error)
@@ -103,7 +103,7 @@ def test_the_error_of_another_speed_is_that_of_its_cycle(
 
 def test_a_slow_clock_has_an_error_of_the_period_and_no_other(problem: Problem) -> None:
     slow, late = motion(OMEGA, 1 + CHANGE), motion(OMEGA, delay=1e-3)
-    period = float(cycle_at(OMEGA).period)
+    period = float(librating_cycle_at(OMEGA).period)
     assert score_of(slow, problem, "period").error == pytest.approx(period * CHANGE, rel=0.005)
     # The state at the end is off by its rate, about 1 rad/s, times the phase of 1.5e-5 s or 1e-3 s.
     assert (score_of(slow, problem, "state").error or 0) > 1e-6

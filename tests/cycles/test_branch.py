@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import tippedisk_verify as tv
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch import Branch, librating_branch, paper_speeds
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
@@ -35,11 +35,11 @@ def test_paper_sets_follow_their_rule(taylor) -> None:
 def test_cycles_are_those_of_single_speeds_where_the_family_is_lost(taylor, monkeypatch) -> None:
     monkeypatch.setitem(
         cached_locator(GEOMETRY, taylor).__dict__,
-        "no_family_reason",
+        "family_failure",
         "the family could not be followed",
     )
     (cycle,) = librating_branch(GEOMETRY, taylor, omegas=["30.4"])
-    assert cycle == cycle_at(GEOMETRY, "30.4", taylor)
+    assert cycle == librating_cycle_at(GEOMETRY, "30.4", taylor)
     assert [point.name for point in Branch.of([cycle]).points] == ["Omega_crit"]
     (missing,) = librating_branch(GEOMETRY, taylor, omegas=["31.5"])
     assert "could not be followed" in missing.status

@@ -8,7 +8,7 @@ from fractions import Fraction
 import pytest
 
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import with_uncertainty_of_omega_h
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
@@ -62,7 +62,7 @@ def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
     room = omega_crit(PRINTED, 20).value - omega_h.value
     off = min(distance, room - distance) / 1000
     here, there = (
-        cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
+        librating_cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
         for change in (0, off)
     )
     widened = with_uncertainty_of_omega_h(

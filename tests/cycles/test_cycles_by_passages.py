@@ -10,9 +10,9 @@ import pytest
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_near_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_by_integration
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
@@ -29,11 +29,11 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     omega_h = splitting_zero(parameters, guess, taylor, 20).omega_h.value
     omega = omega_h + (1 if section is LIBRATING else -1) * Fraction(distance)
     quick = cycle_by_passages(section, parameters, omega, taylor, 12)
-    flown = cycle_near_omega_h(section, parameters, omega, omega_h, taylor, digits=16)
+    flown = cycle_by_integration(section, parameters, omega, omega_h, taylor, digits=16)
     assert flown.precision == "quadruple"
     assert quick is not None
     assert quick.precision == "extended"
-    for name in number_names(section):
+    for name in quantity_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)
         assert mine.holds(truth.value), name
         assert 100 * truth.uncertainty < mine.uncertainty, name

@@ -16,9 +16,9 @@ from scipy import integrate, stats
 
 from tippedisk_verify.cycles.families import interpolant
 from tippedisk_verify.cycles.shooting import error_budget
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.error_budget import bound_lost_logarithms
-from tippedisk_verify.cycles.shooting.return_map import Image
+from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import fraction
@@ -52,7 +52,7 @@ def test_the_risk_is_the_budgets() -> None:
 
 def test_the_risk_in_the_next_wider_arithmetic_is_the_same() -> None:
     """The spread of normal values is the studentized range for a known variance."""
-    values = error_budget.TWINS_OF_WIDER + 1
+    values = error_budget.WIDER_TWINS + 1
     error = numpy.linspace(0, 10, 501)
     spread = error / error_budget.TWIN_FACTOR
     below = stats.studentized_range.cdf(spread, values, numpy.inf)
@@ -104,7 +104,7 @@ def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(
         )
         return SimpleNamespace(coordinates=(), period=number, beta_max=number, precision=arithmetic)
 
-    monkeypatch.setattr(error_budget, "_draws", lambda _: repeat({}))
+    monkeypatch.setattr(error_budget, "_twins", lambda _: repeat({}))
     monkeypatch.setattr(error_budget, "_by_twins", by_twins)
     assert error_budget.cycle_to_digits(None, 12).precision == precision
 
@@ -135,16 +135,16 @@ class LinearMap:
         return derivatives(((1 + a, zero), (zero, 1 + b)), self.residual(flight.state, point))
 
 
-def derivatives(matrix: Any, residual: Any = (0, 0)) -> Image:
+def derivatives(matrix: Any, residual: Any = (0, 0)) -> LinearizedReturn:
     """Return an image that has only a residual and its derivatives by the state."""
-    return Image(
+    return LinearizedReturn(
         time=0,
         residual=residual,
-        matrix=matrix,
+        jacobian=matrix,
         by_omega=(0, 0),
         time_by_state=(0, 0),
         time_by_omega=0,
-        flow=(),
+        flow_derivative=(),
     )
 
 
@@ -191,7 +191,7 @@ def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arit
     ask = disk.limit_cycle if kind == "librating" else disk.rotating_cycle
     cycle, sharp = (ask(omega, digits=digits) for digits in (few, many))
     assert cycle.precision == arithmetic.name
-    for name in number_names(ROTATING) if kind == "rotating" else number_names(LIBRATING):
+    for name in quantity_names(ROTATING) if kind == "rotating" else quantity_names(LIBRATING):
         number = getattr(cycle, name)
         assert number.holds(getattr(sharp, name).value), name
         assert number.uncertainty < abs(number.value) / 10 ** (few - 1), name

@@ -42,7 +42,10 @@ def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
     below = 0.0008
     omegas = numpy.linspace(branch.limit + below, branch.omega_crit - below, 500)
     cycles = [
-        cycle for (cycle,) in FamilyInterpolant(branch, default_batch_engine()).results(omegas, 0)
+        cycle
+        for (cycle,) in FamilyInterpolant(branch, default_batch_engine()).cycles_at_speeds(
+            omegas, 0
+        )
     ]
     widths = [float(cycle.period.uncertainty) for cycle in cycles]
     # At the last speed 1 - mu_slow is 3e-4, which the residual of some 1e-14 is divided by; a
@@ -63,7 +66,7 @@ def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
     branch = followed(PRINTED.changed(A="0.229e-3"), taylor)
     fold = branch.guess(branch.folds[0]).omega
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
-    by_speed = FamilyInterpolant(branch, default_batch_engine()).results(speeds, 0)
+    by_speed = FamilyInterpolant(branch, default_batch_engine()).cycles_at_speeds(speeds, 0)
     assert [some and [cycle.stable for cycle in some] for some in by_speed] == [
         None,
         None,

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import PRINTED
@@ -49,7 +49,7 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
     ):
         monkeypatch.setattr(f"tippedisk_verify.{name}", None)
     with pytest.raises(NoSuchCycleError, match=message):
-        cycle_at(PRINTED, omega, taylor)
+        librating_cycle_at(PRINTED, omega, taylor)
 
 
 def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
@@ -74,7 +74,7 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     above, below = known.librating_at(omega_h + near), known.librating_at(omega_h - near)
     assert [start.has_coordinates for start in above.guesses] == [False]
     assert not below.guesses
-    assert "1e-20 rad/s below Omega_h" in below.reason_for_none
+    assert "1e-20 rad/s below Omega_h" in below.no_cycle_reason
     rotating = known.rotating_at(omega_h - near, stable=True)
     assert [start.has_coordinates for start in rotating.guesses] == [False]
     assert not known.rotating_at(omega_h + near, stable=True).guesses

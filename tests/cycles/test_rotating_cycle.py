@@ -12,7 +12,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tippedisk_verify.cycles.branch import rotating_branch
-from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotation
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.families.folds import rotation_fold
@@ -42,7 +42,7 @@ def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
 @pytest.mark.parametrize(("omega", "stable"), POINTS)
 def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
     shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
-    other = collocation_rotation(PRINTED, omega, stable=stable, digits=16)
+    other = collocation_rotating_cycle(PRINTED, omega, stable=stable, digits=16)
     for name in SHARED:
         assert agree(getattr(shot, name), other[name], 11), name
     both = shot.log_multiplier_slow + shot.log_multiplier_fast

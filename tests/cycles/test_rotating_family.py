@@ -11,8 +11,8 @@ import pytest
 from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
-from tippedisk_verify.cycles.shooting.section import BOTTOM, ROTATING
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.section import GAMMA_BOTTOM, ROTATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
@@ -48,7 +48,7 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
         (alone,) = (
             cached_locator(PRINTED, taylor).rotating_at(Fraction(omega), stable=side).cycles()
         )
-        for name in number_names(ROTATING):
+        for name in quantity_names(ROTATING):
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
                 name,
@@ -91,7 +91,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
             (top[0], 0, top[1]),
             10,
             shifted=True,
-            events=(replace(BOTTOM, terminal=True),),
+            events=(replace(GAMMA_BOTTOM, terminal=True),),
         )
         beta, _, v = ScipyEngine()(run).state
         # SciPy's error, grown

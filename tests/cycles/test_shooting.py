@@ -11,11 +11,11 @@ from hypothesis import given, settings
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
 from tippedisk_verify.cycles.collocation.collocation_cycles import (
-    approximate_cycle,
     collocation_cycle,
+    collocation_guess,
 )
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision
-from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
@@ -42,7 +42,7 @@ _ENGINE = default_engine()
 def test_half_period_full_period_and_balance_agree(share, which) -> None:
     parameters = SETS[int(which * 3)]
     speed = speed_below(parameters, share * Fraction(8, 10))
-    guess = approximate_cycle(parameters, speed)
+    guess = collocation_guess(parameters, speed)
     half = shoot_limit_cycle(parameters, speed, _ENGINE, guess=guess)
     whole = cycle_in_precision(
         shoot(ReturnMap(WHOLE_PERIOD, parameters, speed, _ENGINE), guess), DOUBLE
@@ -71,7 +71,7 @@ def test_derivatives_of_the_return_map_against_differences(taylor, section, poin
     """
     origin, precision = (*map(Fraction, point), Fraction("30.4")), QUADRUPLE
 
-    def image(first: Fraction, second: Fraction, omega: Fraction) -> Image:
+    def image(first: Fraction, second: Fraction, omega: Fraction) -> LinearizedReturn:
         return_map = ReturnMap(section, PRINTED, omega, taylor, precision)
         return return_map((precision.number(first), precision.number(second)))
 
@@ -84,7 +84,7 @@ def test_derivatives_of_the_return_map_against_differences(taylor, section, poin
         for row in range(2):
             ahead, behind = (fraction(end.residual[row]) for end in ends)
             slope = (ahead - behind) / (2 * step) + (1 if row == column else 0)
-            derivative = (*center.matrix[row], center.by_omega[row])[column]
+            derivative = (*center.jacobian[row], center.by_omega[row])[column]
             assert abs(slope - fraction(derivative)) < Fraction(1, 10**15)
         slope = (fraction(ends[0].time) - fraction(ends[1].time)) / (2 * step)
         derivative = (*center.time_by_state, center.time_by_omega)[column]
@@ -111,7 +111,7 @@ def test_table_2_converges_quadratically(taylor) -> None:
 @given(gamma=decimals("-3.1", "3.1", 3), v=decimals("-12", "3", 3))
 def test_newton_from_anywhere_finds_the_cycle_or_fails(gamma, v) -> None:
     """Starts lie around the cycle, up to twice its size away. The truth is harmonic balance's."""
-    size = approximate_cycle(PRINTED, speed_below(PRINTED, "0.5"))
+    size = collocation_guess(PRINTED, speed_below(PRINTED, "0.5"))
     guess = (float(gamma) / 1.55 * size[0], -float(v) / 6 * size[1])
     try:
         shot = shoot(ReturnMap(LIBRATING, PRINTED, speed_below(PRINTED, "0.5"), _ENGINE), guess)

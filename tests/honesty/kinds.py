@@ -17,14 +17,14 @@ from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decim
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.collocation.collocation_cycles import (
     collocation_cycle,
-    collocation_rotation,
+    collocation_rotating_cycle,
 )
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import fixed_point_near
+from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import fixed_point_by_integration
 from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
-from tippedisk_verify.cycles.shooting.section import LIBRATING, RETURNS, ROTATING, VARIATIONS
+from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, SECTION_RETURN, VARIATIONS
 from tippedisk_verify.cycles.shooting.shoot import LimitCycle, shoot_limit_cycle
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -361,7 +361,7 @@ def branch(draw: Draw) -> Question:
         omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
         return [
             cycle
-            for some in FamilyInterpolant(known, lanes).results(omegas, 0)
+            for some in FamilyInterpolant(known, lanes).cycles_at_speeds(omegas, 0)
             for cycle in some or ()
         ]
 
@@ -402,7 +402,9 @@ def by_passages(draw: Draw) -> Question:
     def truth(found: Any) -> Any:
         section, above = (LIBRATING, distance) if librates else (ROTATING, -distance)
         omega = found.omega.value
-        near = fixed_point_near(section, disk, omega, omega - above, default_engine(), digits=32)
+        near = fixed_point_by_integration(
+            section, disk, omega, omega - above, default_engine(), digits=32
+        )
         numbers = numbers_in_precision(near, near.return_map.precision)
         return {name: _exactly(number) for name, number in numbers.items()}
 
@@ -433,7 +435,9 @@ def rotating(draw: Draw, law: str) -> Question:
     disk, omega, stable = _rotating(draw, law)
     ask = partial(disk.rotating_cycle, omega, stable=stable)
     if law == "linear" and not stable:  # next to Omega_h collocation takes its time
-        return Question(ask, lambda _: collocation_rotation(disk, omega, stable=stable, digits=17))
+        return Question(
+            ask, lambda _: collocation_rotating_cycle(disk, omega, stable=stable, digits=17)
+        )
     return _with_more(ask, draw.choice((9, 12)))
 
 
@@ -493,7 +497,7 @@ KINDS = (
     Kind("derivatives", partial(motion, variations=VARIATIONS), 0, 30, 0.8),
     Kind(
         "half periods",
-        partial(motion, half=True, events=((), (RETURNS,)), variations=VARIATIONS),
+        partial(motion, half=True, events=((), (SECTION_RETURN,)), variations=VARIATIONS),
         4,
         100,
         0.25,

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.problems import speed_below
-from tippedisk_verify.cycles.shooting.section import RETURNS
+from tippedisk_verify.cycles.shooting.section import SECTION_RETURN
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
@@ -117,7 +117,7 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
         precision=Precision("real", 200),
         domain="none",
         divergence=True,
-        events=(RETURNS,),
+        events=(SECTION_RETURN,),
     )
     result = default_engine()(request)
     return [

@@ -14,7 +14,7 @@ import pytest
 from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
-from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotation
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
@@ -77,8 +77,8 @@ def numbers_of(flight: Any) -> list[Any]:
     return [
         flight.time,
         *flight.image,
-        *flight.matrix[0],
-        *flight.matrix[1],
+        *flight.jacobian[0],
+        *flight.jacobian[1],
         *flight.by_omega,
         *flight.time_by_state,
         flight.time_by_omega,
@@ -125,7 +125,9 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
     spectral = (
-        collocation_rotation(PRINTED, omega, stable=stable, digits=14) if stable else vars(ordinary)
+        collocation_rotating_cycle(PRINTED, omega, stable=stable, digits=14)
+        if stable
+        else vars(ordinary)
     )
     for name in claimed_names(ROTATING_SECTION):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
@@ -163,8 +165,8 @@ def test_a_flight_off_the_cycle_against_shooting(taylor, disk, flight, section, 
     others = [
         ordinary.time,
         *image,
-        *ordinary.matrix[0],
-        *ordinary.matrix[1],
+        *ordinary.jacobian[0],
+        *ordinary.jacobian[1],
         *ordinary.by_omega,
         *ordinary.time_by_state,
         ordinary.time_by_omega,
@@ -191,7 +193,7 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
             derivatives=True,
         )
         here = flight(model(disk), *middle[:2])
-        columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
+        columns = [*zip(*whole.jacobian, strict=True), whole.by_omega]
         for k, (column, time_by) in enumerate(
             zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)
         ):

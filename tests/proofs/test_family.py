@@ -18,7 +18,7 @@ from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
 from tippedisk_verify.cycles.branch import librating_branch
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
@@ -173,7 +173,7 @@ def second() -> Piece:
 @lru_cache(maxsize=4)
 def known(below: str) -> Any:
     """The cycle of shooting."""
-    return cycle_at(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
+    return librating_cycle_at(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
 
 
 def piece() -> Piece:

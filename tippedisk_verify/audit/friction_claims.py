@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.flow.contract import Engine
@@ -31,7 +31,7 @@ def _below(parameters: Parameters) -> Fraction:
 
 @lru_cache(maxsize=16)
 def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
-    return cycle_at(parameters, _below(parameters), engine, digits=12)
+    return librating_cycle_at(parameters, _below(parameters), engine, digits=12)
 
 
 def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
@@ -65,7 +65,7 @@ def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
     supercritical if stable cycles below Omega_crit shrink towards it.
     """
     far, speed = _cycle(parameters, engine), omega_crit(parameters, 20).value - Fraction(1, 32)
-    near = cycle_at(parameters, speed, engine, digits=12)
+    near = librating_cycle_at(parameters, speed, engine, digits=12)
     shrinks = near.beta_max.value < far.beta_max.value / 2
     return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
 

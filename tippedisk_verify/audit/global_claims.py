@@ -10,7 +10,7 @@ from itertools import pairwise
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
 from tippedisk_verify.audit.connection_claims import FAMILY
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
@@ -69,7 +69,7 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     The printed T_0 is not used: the period is not an unknown of this shooting.
     """
     speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    truth = cycle_at(audit.sets[name], speed, audit.engine)
+    truth = librating_cycle_at(audit.sets[name], speed, audit.engine)
     gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
     try:
         cycle = shoot_limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))

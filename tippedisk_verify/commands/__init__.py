@@ -1,1 +1,3 @@
-"""The commands by subject, each with imports at run time; `tippedisk_verify.cli` assembles them."""
+"""The commands, a module for each subject. They import the package when they run;
+`tippedisk_verify.cli` assembles them.
+"""

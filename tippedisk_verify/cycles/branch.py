@@ -19,7 +19,7 @@ from typing import Any, TypeVar
 import numpy
 
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycle_at_speed import cycles_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycles_at
 from tippedisk_verify.cycles.families.family import Family, batch_solver
 from tippedisk_verify.cycles.families.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
@@ -50,7 +50,7 @@ from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
 __all__ = [
     "DEFAULT_COUNT",
-    "DEFAULT_ROTATIONS",
+    "DEFAULT_ROTATING_COUNT",
     "PAPER_COUNT",
     "Branch",
     "SpecialPoint",
@@ -75,12 +75,12 @@ _LABELS = {"Omega_crit": "Hopf point", "Omega_h": "$Ω_h$"}
 _SHOWN_COLUMNS = ("omega", "period", "gamma_bar_0", "beta_max", "multiplier_slow")
 
 DEFAULT_COUNT = 41  #: the number of speeds in the overview of the librating cycles
-DEFAULT_ROTATIONS = 40  #: the number of speeds in the overview of the rotating cycles
+DEFAULT_ROTATING_COUNT = 40  #: the number of speeds in the overview of the rotating cycles
 _MIN_SPEEDS_PER_PIECE = 11  # the least number of speeds on a piece between folds
 # A relative distance of speeds. Closer to the Hopf point or a fold doubles do not separate cycles.
 _MIN_DISTANCE = 1e-10
 _MAX_SPEEDS = 1_000_000
-# The digits that a cycle from the lanes must have. With fewer a speed is solved alone.
+# The digits that a cycle solved in a batch must have. With fewer the speed is solved alone.
 _BATCH_DIGITS = {"librating": 0, "rotating": 12}
 _STEPS = 400  # the steps of each of the paper's sets
 PAPER_COUNT = 2 * _STEPS + 1  #: the number of speeds in both of the paper's sets
@@ -172,7 +172,7 @@ class Branch(Printable):
         zero = Measured(Fraction(0), Fraction(0))
         born = omega_crit(locator.parameters), period_crit(locator.parameters), zero, zero
         points = [SpecialPoint("Omega_crit", *born)]
-        if locator.no_family_reason:
+        if locator.family_failure:
             return tuple(points)
         parameters, family, engine = locator.parameters, locator.librating_family, locator.engine
         for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
@@ -463,7 +463,7 @@ def librating_branch(
     return _cycles_at_speeds(
         locator,
         LIBRATING,
-        partial(cycles_at, parameters, engine=engine, half_widths=half_widths),
+        partial(librating_cycles_at, parameters, engine=engine, half_widths=half_widths),
         speeds,
     )
 
@@ -471,21 +471,21 @@ def librating_branch(
 def _cycles_at_speeds(
     locator: CycleLocator,
     section: Section[C],
-    singly: Callable[[Fraction], list[C]],
+    solve_alone: Callable[[Fraction], list[C]],
     speeds: Sequence[Fraction],
 ) -> Iterator[C | MissingCycle]:
     """Yield all limit cycles of a kind at given speeds.
 
     Many speeds of the linear law are solved as doubles, in lanes of the Taylor engine. A speed
-    whose cycles do not have `_BATCH_DIGITS` there is solved alone, by ``singly``. A speed
+    whose cycles do not have `_BATCH_DIGITS` there is solved alone, by ``solve_alone``. A speed
     without a cycle gives a `MissingCycle`, and the others go on.
     """
     parameters, engine = locator.parameters, locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
     if len(speeds) >= _MIN_BATCH_SIZE and parameters.law.is_linear:
-        lanes, doubles = default_batch_engine(), [float(speed) for speed in speeds]
+        batch_engine, doubles = default_batch_engine(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
-        solve = batch_solver(section, parameters, lanes)
+        solve = batch_solver(section, parameters, batch_engine)
         with suppress(NoConnectionError, NoSuchCycleError, AccuracyError):
             followed: Family
             if section is LIBRATING:
@@ -493,13 +493,13 @@ def _cycles_at_speeds(
             else:
                 followed = RotatingFamily(parameters, engine, locator.omega_h, solve)
                 followed.reach(max(doubles))
-            by_speed = FamilyInterpolant(followed, lanes).results(
+            by_speed = FamilyInterpolant(followed, batch_engine).cycles_at_speeds(
                 doubles, _BATCH_DIGITS[section.name]
             )
     for speed, cycles in zip(speeds, by_speed, strict=True):
         rows: Sequence[C | MissingCycle]
         try:
-            rows = singly(speed) if cycles is None else cycles
+            rows = solve_alone(speed) if cycles is None else cycles
         except (InputError, AccuracyError, ArithmeticError) as fault:
             rows = [MissingCycle(Measured(speed, Fraction(0)), fault)]
         yield from rows
@@ -592,7 +592,7 @@ def _rotating_overview(locator: CycleLocator, half_widths: bool) -> Iterator[Rot
 
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """
-    family, half = locator.rotating_family, DEFAULT_ROTATIONS // 2
+    family, half = locator.rotating_family, DEFAULT_ROTATING_COUNT // 2
     fold = Fraction(float(rotation_fold(family).omega))
     below, beyond = (
         family.omega_h - fold,

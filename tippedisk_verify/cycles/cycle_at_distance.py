@@ -7,10 +7,10 @@ from typing import Any, TypeVar
 
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.locator import CycleLocator, LocatedCycles, cached_locator
+from tippedisk_verify.cycles.locator import CycleLocator, GuessesAtSpeed, cached_locator
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
     MIN_SHOOTING_DISTANCE,
-    cycle_near_omega_h,
+    cycle_by_integration,
     with_uncertainty_of_omega_h,
 )
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
@@ -32,7 +32,7 @@ __all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]
 
 C = TypeVar("C", bound=Cycle)
 
-# rad/s; closer, passages give twelve digits. From here on 64 bits suffice.
+# rad/s; at smaller distances passages give twelve digits; at larger ones shooting in 64 bits does.
 _MAX_PASSAGE_DISTANCE = 4 * MIN_SHOOTING_DISTANCE
 _OMEGA_H_TIME_SHARE = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h
@@ -95,10 +95,10 @@ def _next_to_omega_h(
         if passing is not None:
             return passing
     locator = cached_locator(parameters, engine)
-    branch_length = _branch_length(section, locator)
-    if distance >= branch_length:
+    piece_length = _piece_length(section, locator)
+    if distance >= piece_length:
         raise NoSuchCycleError(
-            f"{cycles} lie less than {float(branch_length):.6g} rad/s {side} Omega_h, not "
+            f"{cycles} lie less than {float(piece_length):.6g} rad/s {side} Omega_h, not "
             f"{short_text(offset)}"
         )
     with subrange(0, _OMEGA_H_TIME_SHARE):
@@ -106,21 +106,21 @@ def _next_to_omega_h(
     omega = omega_h.value + (distance if above else -distance)
     at_speed: Any
     with subrange(_OMEGA_H_TIME_SHARE, 1):
-        if distance < MIN_SHOOTING_DISTANCE:  # the branch leads there: the family is not needed
-            at_speed = cycle_near_omega_h(
+        if distance < MIN_SHOOTING_DISTANCE:  # flights lead there: no family is needed
+            at_speed = cycle_by_integration(
                 section, parameters, omega, omega_h.value, engine, digits=digits
             )
         else:
-            location: LocatedCycles[Any] = (
+            location: GuessesAtSpeed[Any] = (
                 locator.librating_at(omega, omega_h.value)
                 if above
                 else locator.rotating_at(omega, stable=True, omega_h=omega_h.value)
             )
             if not location.guesses:
-                raise NoSuchCycleError(location.reason_for_none)
+                raise NoSuchCycleError(location.no_cycle_reason)
             at_speed = location.cycle(location.guesses[-1], digits)
     cycle: C = with_uncertainty_of_omega_h(
-        at_speed, section, omega_h, distance, branch_length, engine
+        at_speed, section, omega_h, distance, piece_length, engine
     )
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(
@@ -129,7 +129,7 @@ def _next_to_omega_h(
     return cycle
 
 
-def _branch_length(section: Section[Any], locator: CycleLocator) -> Fraction:
+def _piece_length(section: Section[Any], locator: CycleLocator) -> Fraction:
     """Return the length [rad/s] of the range of speeds over which limit cycles exist next to
     Omega_h.
 
@@ -140,7 +140,7 @@ def _branch_length(section: Section[Any], locator: CycleLocator) -> Fraction:
     if section is ROTATING:
         return omega_h - Fraction(locator.rotating_family.fold_guess().omega)
     if criticality(locator.parameters) == "supercritical" and locator.connection_attracts:
-        # Mostly there is no fold, and any fold lies in between.
+        # Cycles exist from Omega_h to Omega_crit: folds, if any, lie between these speeds.
         return omega_crit(locator.parameters, 20).value - omega_h
     (_, start), (_, end) = locator.librating_family.ends[-2:]
     if start < end:

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import (
     MAX_DISTANCE_FROM_LAW,
-    NEWBORN_DISTANCE,
+    NEAR_HOPF_DISTANCE,
     amplitude_law_guess,
     shoot,
 )
@@ -30,7 +30,7 @@ from tippedisk_verify.theory.hopf import distance_below_crit
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.locator import CycleLocator
 
-__all__ = ["cycle_at", "cycles_at", "rotating_cycle"]
+__all__ = ["librating_cycle_at", "librating_cycles_at", "rotating_cycle"]
 
 
 def _locator(parameters: Parameters, engine: Engine) -> CycleLocator:
@@ -43,7 +43,7 @@ def _locator(parameters: Parameters, engine: Engine) -> CycleLocator:
     return cached_locator(parameters, engine)
 
 
-def cycle_at(
+def librating_cycle_at(
     parameters: Parameters,
     omega: object,
     engine: Engine,
@@ -73,8 +73,8 @@ def cycle_at(
     digits = checked_digits(digits)
     cycle: LimitCycle | None = None
     newborn = (
-        abs(distance_below_crit(parameters, speed)) < NEWBORN_DISTANCE
-        and not _locator(parameters, engine).no_family_reason
+        abs(distance_below_crit(parameters, speed)) < NEAR_HOPF_DISTANCE
+        and not _locator(parameters, engine).family_failure
     )
     # Mostly the law leads to a stable cycle, and nothing else is needed
     if stable is not False and not newborn:
@@ -100,12 +100,13 @@ def cycle_at(
     return (wanted or cycles)[0]
 
 
-def cycles_at(
+def librating_cycles_at(
     parameters: Parameters, omega: Fraction, *, engine: Engine, half_widths: bool = True
 ) -> list[LimitCycle]:
     """Return all librating limit cycles at a speed to 12 digits, from the smallest amplitude on.
 
-    If the family has no cycle at the speed, `cycle_at` searches for one outside the family.
+    If the family has no cycle at the speed, `librating_cycle_at` searches for one outside the
+    family.
 
     Args:
         parameters: The disk and its friction law.
@@ -121,7 +122,7 @@ def cycles_at(
     location = _locator(parameters, engine).librating_at(omega)
     if location.guesses:
         return location.cycles(half_widths=half_widths)
-    return [cycle_at(parameters, omega, engine, half_widths=half_widths)]
+    return [librating_cycle_at(parameters, omega, engine, half_widths=half_widths)]
 
 
 def rotating_cycle(
@@ -153,12 +154,13 @@ def rotating_cycle(
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     if stable:
-        # The saddle's branch is lost where the disk has no connection (NoConnectionError), where
-        # the speed is Omega_h to rounding (ZeroDivisionError), and next to the fold.
+        # The saddle's unstable manifold is lost where the disk has no connection
+        # (NoConnectionError), where the speed is Omega_h to rounding (ZeroDivisionError), and next
+        # to the fold.
         with suppress(NoSuchCycleError, NoConnectionError, ZeroDivisionError):
             # The saddle's unstable manifold leads there where the cycle is not next to the fold.
             return_map = ReturnMap(ROTATING, parameters, speed, engine)
-            fixed_point = shoot(return_map, return_map.end_of_unstable_manifold())
+            fixed_point = shoot(return_map, return_map.unstable_manifold_crossing())
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle

@@ -11,7 +11,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
@@ -190,6 +190,6 @@ def _row_at(
 def _compared(
     parameters: Parameters, omega: Fraction, answer: Fraction, engine: Engine
 ) -> AnswerRow:
-    period = cycle_at(parameters, omega, engine).period
+    period = librating_cycle_at(parameters, omega, engine).period
     answered = Measured(answer, Fraction(0))
     return AnswerRow(Measured(omega, Fraction(0)), answered, period, answered - period)

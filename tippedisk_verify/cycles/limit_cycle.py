@@ -35,15 +35,15 @@ if TYPE_CHECKING:
 
 __all__ = ["Cycle", "LimitCycle", "MissingCycle", "RotatingCycle"]
 
-# The bits needed below 1 to separate the orbit from the saddle's manifolds. With this number and
-# more a start rounded to double loses them.
+# An orbit that needs this many bits below 1 or more to be separated from the saddle's manifolds is
+# not started in double: the rounding of the start would move it to another orbit.
 _LOST_START_BITS = 20
 _MAX_POINTS = 10_000_000  # the largest number of points of an orbit
 
 
 @dataclass(frozen=True, repr=False)
 class Cycle(Printable):
-    """The base class of limit cycles. Each number's half-width holds the truth.
+    """The base class of limit cycles. The half-width of each number contains its error.
 
     A subclass names the point of the cycle at which its coordinates are taken.
     """
@@ -284,8 +284,8 @@ class Cycle(Printable):
 class LimitCycle(Cycle):
     """A limit cycle about inverted spinning, with its multipliers and sensitivities.
 
-    Each number's half-width holds the truth. gamma oscillates about pi/2 (libration), and the cycle
-    is its own image under the point symmetry.
+    The half-width of each number contains its error. gamma oscillates about pi/2 (libration), and
+    the cycle is its own image under the point symmetry.
     """
 
     coordinates, zero_component, symmetric = ("gamma_bar_0", "v_0"), 0, True
@@ -304,9 +304,9 @@ class LimitCycle(Cycle):
 class RotatingCycle(Cycle):
     """A rotating limit cycle with its multipliers and sensitivities.
 
-    Each number's half-width holds the truth. The disk leans to one side, beta > pi/2, and gamma
-    grows by 2 pi a period. The point symmetry takes it to a cycle that leans to the other side,
-    with falling gamma.
+    The half-width of each number contains its error. The disk leans to one side, beta > pi/2, and
+    gamma grows by 2 pi a period. The point symmetry takes it to a cycle that leans to the other
+    side, with falling gamma.
     """
 
     coordinates, zero_component, symmetric = ("beta_bar_top", "v_top"), 1, False

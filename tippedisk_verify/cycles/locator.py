@@ -1,9 +1,9 @@
 """Where the limit cycles of a disk are: its families, the guesses for shooting at a speed, or the
 message that there is no cycle.
 
-The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `CycleLocator` finds these
-families in double when it first needs them, and keeps them. It computes Omega_h to more digits if a
-speed is so close to Omega_h that doubles do not show the side.
+The Hopf point, the folds and Omega_h bound the pieces of a disk's families. A `CycleLocator` finds
+these families in double when it first needs them, and keeps them. It computes Omega_h to more
+digits if a speed is so close to Omega_h that doubles do not show the side.
 """
 
 from __future__ import annotations
@@ -22,17 +22,21 @@ from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
     MIN_SHOOTING_DISTANCE,
-    cycle_near_omega_h,
+    cycle_by_integration,
 )
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
     cycle_by_passages,
     omega_h_resolving,
 )
-from tippedisk_verify.cycles.shooting.error_budget import EXTRA_DIGITS, cycle_to_digits, wider_cycle
+from tippedisk_verify.cycles.shooting.error_budget import (
+    EXTRA_DIGITS,
+    cycle_beyond_double,
+    cycle_to_digits,
+)
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting.shoot import NEWBORN_DISTANCE, shoot
+from tippedisk_verify.cycles.shooting.shoot import NEAR_HOPF_DISTANCE, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -40,25 +44,25 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 
-__all__ = ["CycleLocator", "LocatedCycles", "cached_locator"]
+__all__ = ["CycleLocator", "GuessesAtSpeed", "cached_locator"]
 
 C = TypeVar("C", bound=Cycle)
 
-# The distance [rad/s] from Omega_h within which its law leads to cycles of a family that was not
-# followed.
+# The distance [rad/s] from Omega_h within which the period law predicts cycles, where the family
+# could not be followed.
 _LAW_DISTANCE = Fraction(1, 100)
 _FOLD_NEIGHBOURHOOD = 1e-4  # rad, in the first coordinate; two cycles that close are next to a fold
 # The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
 # half a minute.
-_MAX_NEWBORN_ZEROS = 100
-# The reach of the law from the Hopf point, in distances of the first node, where the family's own
-# doubles begin.
+_MAX_NEAR_HOPF_ZEROS = 100
+# Nearer to the Hopf point than this many distances of the family's first node, the amplitude law
+# predicts the cycle.
 _AMPLITUDE_LAW_REACH = 2
 _MAX_DISKS = 16  # disks in the cache
 
 
 @dataclass(frozen=True)
-class LocatedCycles(Generic[C]):
+class GuessesAtSpeed(Generic[C]):
     """The limit cycles of one kind that a search has located at one speed.
 
     It has the guesses for shooting, or the reason why there are no cycles.
@@ -69,7 +73,7 @@ class LocatedCycles(Generic[C]):
     engine: Engine
     omega: Fraction  #: [rad/s]
     guesses: tuple[CycleGuess, ...]  #: in the order of their pieces
-    reason_for_none: str = ""  #: the message if there is no guess
+    no_cycle_reason: str = ""  #: the message if there is no guess
     #: [rad/s], to digits that show the side, if a guess has no coordinates
     omega_h: Fraction | None = None
 
@@ -86,7 +90,7 @@ class LocatedCycles(Generic[C]):
                 reached.
         """
         if not self.guesses:
-            raise NoSuchCycleError(self.reason_for_none)
+            raise NoSuchCycleError(self.no_cycle_reason)
         return [self.cycle(guess, digits, half_widths=half_widths) for guess in self.guesses]
 
     def cycle(self, guess: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
@@ -109,16 +113,16 @@ class LocatedCycles(Generic[C]):
             if passing is not None:
                 return passing
             assert self.omega_h is not None
-            return cycle_near_omega_h(
+            return cycle_by_integration(
                 self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits
             )
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
-            if guess.zeros_of_distance:
+            if guess.leading_zeros:
                 newborn = FixedPoint(
                     return_map, guess.coordinates, return_map(guess.coordinates), ()
                 )
-                cycle = wider_cycle(newborn, digits, EXTRA_DIGITS + guess.zeros_of_distance)
+                cycle = cycle_beyond_double(newborn, digits, EXTRA_DIGITS + guess.leading_zeros)
             else:
                 cycle = cycle_to_digits(
                     shoot(return_map, guess.coordinates), digits, half_widths=half_widths
@@ -188,7 +192,7 @@ class CycleLocator:
         return LibratingFamily(self.parameters, self.engine)
 
     @cached_property
-    def no_family_reason(self) -> str:
+    def family_failure(self) -> str:
         """The reason why the disk's librating cycles cannot be followed as a family; "" if they
         can.
         """
@@ -210,7 +214,7 @@ class CycleLocator:
 
     def librating_at(
         self, omega: Fraction, omega_h: Fraction | None = None
-    ) -> LocatedCycles[LimitCycle]:
+    ) -> GuessesAtSpeed[LimitCycle]:
         """Locate the librating limit cycles, about inverted spinning, at a speed.
 
         Args:
@@ -223,10 +227,10 @@ class CycleLocator:
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
         """
-        location = LocatedCycles(
-            LIBRATING, self.parameters, self.engine, omega, (), self.no_family_reason, omega_h
+        location = GuessesAtSpeed(
+            LIBRATING, self.parameters, self.engine, omega, (), self.family_failure, omega_h
         )
-        if self.no_family_reason:
+        if self.family_failure:
             with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _LAW_DISTANCE:
                     return self._next_to_omega_h(location, 0, above=self.connection_attracts)
@@ -234,9 +238,9 @@ class CycleLocator:
         family = self.librating_family
         guesses = list(family.guesses(float(omega)))
         if not any(guess.piece == 0 for guess in guesses):
-            guesses[:0] = _newborn(family, distance_below_crit(self.parameters, omega))
-        reason_for_none = _no_libration(family, float(omega))
-        location = replace(location, reason_for_none=reason_for_none, guesses=tuple(guesses))
+            guesses[:0] = _near_hopf_guesses(family, distance_below_crit(self.parameters, omega))
+        no_cycle_reason = _no_libration_message(family, float(omega))
+        location = replace(location, no_cycle_reason=no_cycle_reason, guesses=tuple(guesses))
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
                 return self._next_to_omega_h(
@@ -246,7 +250,7 @@ class CycleLocator:
 
     def rotating_at(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
-    ) -> LocatedCycles[RotatingCycle]:
+    ) -> GuessesAtSpeed[RotatingCycle]:
         """Locate the rotating cycles at a speed, the stable one before the fold first.
 
         Args:
@@ -264,29 +268,29 @@ class CycleLocator:
         """
         family, speed = self.rotating_family, float(omega)
         too_close = stable is not False and abs(omega - family.omega_h) < MIN_SHOOTING_DISTANCE
-        guesses, reason_for_none = list[CycleGuess](), ""
+        guesses, no_cycle_reason = list[CycleGuess](), ""
         if not too_close or stable is None:
             try:
                 guesses.extend(
                     family.followed_guesses(speed, stable=False if too_close else stable)
                 )
-                reason_for_none = _no_rotation(family, omega, stable)
+                no_cycle_reason = _no_rotation_message(family, omega, stable)
             except NoSuchCycleError as fault:
-                reason_for_none = str(fault)
-        location = LocatedCycles(
-            ROTATING, self.parameters, self.engine, omega, tuple(guesses), reason_for_none, omega_h
+                no_cycle_reason = str(fault)
+        location = GuessesAtSpeed(
+            ROTATING, self.parameters, self.engine, omega, tuple(guesses), no_cycle_reason, omega_h
         )
         return self._next_to_omega_h(location, 0, above=False) if too_close else location
 
     def _next_to_omega_h(
-        self, location: LocatedCycles[C], piece: int, *, above: bool
-    ) -> LocatedCycles[C]:
+        self, location: GuessesAtSpeed[C], piece: int, *, above: bool
+    ) -> GuessesAtSpeed[C]:
         """Return the ``location`` of the cycles at a speed so close to Omega_h that doubles do not
         show on which side the speed is, corrected for the true side.
 
         ``piece`` is the number of the family's piece that ends at Omega_h. Its cycles lie ``above``
-        Omega_h, or below. If the speed is on their side, the piece gets a guess without coordinates.
-        Otherwise it gets none.
+        Omega_h, or below. If the speed is on their side, the piece gets a guess without
+        coordinates. Otherwise it gets none.
 
         Raises AccuracyError if Omega_h has too few digits.
         """
@@ -294,21 +298,21 @@ class CycleLocator:
         if omega_h is None:
             omega_h = omega_h_resolving(self.parameters, omega, self.engine).value
         guesses = [guess for guess in location.guesses if guess.piece != piece]
-        reason_for_none = location.reason_for_none
+        no_cycle_reason = location.no_cycle_reason
         if (omega > omega_h) is above:
             guesses.insert(piece, CycleGuess.without_coordinates(omega, piece))
         else:
             kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
-            reason_for_none = (
+            no_cycle_reason = (
                 f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
             )
         return replace(
-            location, guesses=tuple(guesses), reason_for_none=reason_for_none, omega_h=omega_h
+            location, guesses=tuple(guesses), no_cycle_reason=no_cycle_reason, omega_h=omega_h
         )
 
 
-def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
+def _near_hopf_guesses(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
     """Return a guess for the limit cycle between the Hopf point and the family's first node, in a
     list.
 
@@ -321,20 +325,20 @@ def _newborn(family: LibratingFamily, below_crit: Fraction) -> list[CycleGuess]:
         return []
     distance = abs(below_crit)
     zeros = max(0, -decimal_magnitude(distance))
-    if zeros > _MAX_NEWBORN_ZEROS:
+    if zeros > _MAX_NEAR_HOPF_ZEROS:
         raise AccuracyError(
-            f"limit cycles are offered down to 1e-{_MAX_NEWBORN_ZEROS} rad/s from Omega_crit: ask "
+            f"limit cycles are offered down to 1e-{_MAX_NEAR_HOPF_ZEROS} rad/s from Omega_crit: ask "
             f"for one farther away"
         )
     return [
         replace(
-            family.newborn(float(distance)),
-            zeros_of_distance=zeros if distance < NEWBORN_DISTANCE else 0,
+            family.near_hopf_guess(float(distance)),
+            leading_zeros=zeros if distance < NEAR_HOPF_DISTANCE else 0,
         )
     ]
 
 
-def _no_libration(family: LibratingFamily, omega: float) -> str:
+def _no_libration_message(family: LibratingFamily, omega: float) -> str:
     """Return the message that no librating cycle was found at a speed.
 
     It names the family's ends if the speed lies outside them. Otherwise the search has failed.
@@ -356,7 +360,7 @@ def _no_libration(family: LibratingFamily, omega: float) -> str:
     return f"{text}: that is {distance:.2g} rad/s {side} the family, which {lies} between {' and '.join(ends)}"
 
 
-def _no_rotation(family: RotatingFamily, omega: Fraction, stable: bool | None) -> str:
+def _no_rotation_message(family: RotatingFamily, omega: Fraction, stable: bool | None) -> str:
     """Return the message that no rotating cycle exists at ``omega``.
 
     If ``stable`` is True and the speed is not below Omega_h, that is the reason. Otherwise the

@@ -26,12 +26,12 @@ __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]
 
 Vector = tuple[Measured, Measured, Measured]
 
-# Bits below 1 of the smallest half-width for which the monodromy matrix is computed in double.
+# The largest -log2(half-width) for which the monodromy matrix is computed in double.
 _DOUBLE_BITS = 60
 _MORE_BITS = 16  # bits of the wider arithmetic beyond those of the half-width
 # The move of a number, in half-widths. It is large, so that rounding does not hide its effect.
-_MOVE_FACTOR = 2**12
-# The share of the time that is over before the flight whose error is measured
+_PERTURBATION_FACTOR = 2**12
+# The share of the computing time that the moved flights take; the flight with half-widths follows
 _BY_MOVED_FLIGHTS = 0.5
 
 
@@ -140,8 +140,8 @@ class FloquetVectors(Printable):
         ]
         # The flow keeps the orientation, so both multipliers have one sign.
         fast = log_fast.exp() if slow.value > 0 else -log_fast.exp()
-        since = numpy.array([float(exact(monodromy.time))])
-        beta_bar, _, v = cycle._states(since, default_engine())[:, 0]
+        elapsed = numpy.array([float(exact(monodromy.time))])
+        beta_bar, _, v = cycle._states(elapsed, default_engine())[:, 0]
         # beta' and gamma' = -Omega cos(beta), exact to a double's last places even at the saddles
         rates = (float(v), float(cycle.omega) * math.sin(beta_bar))
         flow = _eigenvector(rows, Measured.of(1, 0))
@@ -227,10 +227,10 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         InputError: If the time does not lie within a period.
         AccuracyError: If the cycle has no half-widths.
     """
-    since, period = exact(time), cycle.period
-    if not 0 <= float(since) <= float(period):
+    elapsed, period = exact(time), cycle.period
+    if not 0 <= float(elapsed) <= float(period):
         raise InputError(f"a point of the cycle has a time from 0 to {float(period):.10g} s")
-    if cycle._start_matrix is not None and not float(since):
+    if cycle._start_matrix is not None and not float(elapsed):
         return Monodromy(cycle, time, *cycle._start_matrix())
     if not period.is_measured:
         raise AccuracyError("the monodromy matrix needs a cycle with half-widths")
@@ -256,7 +256,7 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         return raise_unless_usable(default_engine()(request))
 
     def point(numbers: list[Any]) -> Any:
-        return flight(numbers[:3], since, numbers[4]).state if float(since) else numbers[:3]
+        return flight(numbers[:3], elapsed, numbers[4]).state if float(elapsed) else numbers[:3]
 
     def over_a_period(state: Any, numbers: list[Any], error_estimate: bool = False) -> Result:
         return flight(
@@ -269,8 +269,8 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         others.append(over_a_period(point(moved), moved))
         report_share(_BY_MOVED_FLIGHTS * n / len(every))
     whole = over_a_period(origin, values, error_estimate=True)
-    if float(since):
-        error = flight(values[:3], since, values[4], error_estimate=True).error
+    if float(elapsed):
+        error = flight(values[:3], elapsed, values[4], error_estimate=True).error
         assert error is not None
         states = _each_moved(
             [fraction(x) for x in origin], [fraction(float(width)) for width in error.state]
@@ -281,22 +281,24 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
         round_to_doubles(abs(other.derivatives - whole.derivatives)) for other in others
     )
     width = round_to_doubles(whole.error.variations) * (
-        1 + HALF_WIDTH_FACTOR * len(others) / _MOVE_FACTOR
+        1 + HALF_WIDTH_FACTOR * len(others) / _PERTURBATION_FACTOR
     )
     return Monodromy(
         cycle,
         time,
         numpy_safe(whole.derivatives),
-        width + by_moving * HALF_WIDTH_FACTOR / _MOVE_FACTOR,
+        width + by_moving * HALF_WIDTH_FACTOR / _PERTURBATION_FACTOR,
     )
 
 
 def _each_moved(values: list[Fraction], moves: list[Fraction]) -> Iterator[list[Fraction]]:
-    """Yield the values with one of them moved at a time, by `_MOVE_FACTOR` times its entry of
-    ``moves``.
+    """Yield the values with one of them moved at a time, by `_PERTURBATION_FACTOR` times its entry
+    of ``moves``.
 
     Values whose entry is 0 are not moved.
     """
     for place, move in enumerate(moves):
         if move:
-            yield [value + _MOVE_FACTOR * move * (n == place) for n, value in enumerate(values)]
+            yield [
+                value + _PERTURBATION_FACTOR * move * (n == place) for n, value in enumerate(values)
+            ]

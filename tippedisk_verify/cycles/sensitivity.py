@@ -27,7 +27,7 @@ from typing import Any
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.error_budget import iterate_until_rounding, numbers_at
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
@@ -48,8 +48,8 @@ __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
 # Weights of the differences q(k h) - q(-k h), k = 1, 2, ..., of a central difference over h.
 _FOUR_FLIGHTS = (Fraction(2, 3), Fraction(-1, 12))
 _TWO_FLIGHTS = (Fraction(1, 2),)
-# Bits by which a step is shorter than the root of the rounding. Higher derivatives matter at about
-# a tenth of the step that the first derivatives suggest.
+# A step is shorter than the root of the rounding by a factor of two to this power. Higher
+# derivatives matter at about a tenth of the step that the first derivatives suggest.
 _STEP_BITS = 4
 _MIN_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
 _MIN_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
@@ -111,7 +111,7 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
     while precision.bits < needed:
         precision = companion(precision)
     wider = companion(precision)
-    while wider.bits < 5 / 4 * precision.bits:  # two thirds of its bits exceed those four fifths
+    while wider.bits < 5 / 4 * precision.bits:  # so that its error is the smaller one
         wider = companion(wider)
     rough = _derivatives(cycle, section, scale, precision, _FOUR_FLIGHTS)
     sharp = _derivatives(cycle, section, scale, wider, _TWO_FLIGHTS)
@@ -161,7 +161,7 @@ def _derivatives(
     near_saddle = section.saddle_scale([float(x) for x in point])
     for name, x in zip(section.coordinate_names, map(fraction, point), strict=True):
         values[name], steps[name] = x, Fraction(min(1.0, abs(float(x)), near_saddle))
-    share = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
+    step_ratio = Fraction(1, 1 << (precision.bits // (2 * len(weights) + 1) + _STEP_BITS))
 
     def numbers(moved: str, shift: Fraction) -> dict[str, Fraction]:
         """Return the cycle's numbers and the map's residuals, by name, with one coordinate or
@@ -180,7 +180,7 @@ def _derivatives(
         return {name: fraction(number) for name, number in table.items()}
 
     def differences(moved: str) -> dict[str, Fraction]:
-        step = share * steps[moved]
+        step = step_ratio * steps[moved]
         pairs = [
             (weight / step, numbers(moved, times * step), numbers(moved, -times * step))
             for times, weight in enumerate(weights, start=1)
@@ -191,13 +191,13 @@ def _derivatives(
         }
 
     slopes = {moved: differences(moved) for moved in values}
-    (a, b), (c, d) = (map(fraction, row) for row in own(point).matrix)
+    (a, b), (c, d) = (map(fraction, row) for row in own(point).jacobian)
     by_first, by_second = (slopes.pop(name) for name in section.coordinate_names)
     derivatives: dict[str, dict[str, Fraction]] = {}
     for symbol, row in slopes.items():
         first, second = (row[name] / ((a - 1) * (d - 1) - b * c) for name in _RESIDUALS)
         x, y = b * second - (d - 1) * first, c * first - (a - 1) * second
-        for name in number_names(section):
+        for name in quantity_names(section):
             if not name.startswith("d"):
                 slope = row[name] + by_first[name] * x + by_second[name] * y
                 derivatives.setdefault(name, {})[symbol] = slope

@@ -71,7 +71,7 @@ class BasinBoundary(Printable):
         #: The unstable rotating cycle. Its stable manifold is the sheet of larger beta.
         self.cycle = rotating_cycle(parameters, self.omega, engine, stable=False)
         self._top = float(self.cycle.beta_bar_top), float(self.cycle.v_top)
-        (_, b), (_, d) = ReturnMap(ROTATING, parameters, self.omega, engine)(self._top).matrix
+        (_, b), (_, d) = ReturnMap(ROTATING, parameters, self.omega, engine)(self._top).jacobian
         # (1, w), the left eigenvector of the turn map's derivative, extracts that coordinate from a
         # difference.
         self._weight = b / (float(self.cycle.multiplier_slow) - d)

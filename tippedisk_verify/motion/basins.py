@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at, rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at, rotating_cycle
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.batch import field_constants
@@ -199,7 +199,7 @@ class Attractors:
         amplitude = lean = None
         period = 0.0
         with suppress(NoSuchCycleError, AccuracyError):
-            cycle = cycle_at(parameters, omega, default_engine(), digits=6)
+            cycle = librating_cycle_at(parameters, omega, default_engine(), digits=6)
             if cycle.stable:
                 amplitude, period = float(cycle.gamma_bar_0), float(cycle.period)
         if amplitude is None:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any, get_args
 
-from tippedisk_verify.cycles.cycle_at_speed import cycle_at
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
@@ -39,7 +39,9 @@ _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 # ---------------------------------------------------------------------------------------- analyses
 def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     speed = _speed(parameters, point, digits)
-    cycle = replace(cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed)
+    cycle = replace(
+        librating_cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed
+    )
     names = (
         "omega",
         "period",

@@ -19,40 +19,41 @@ from tippedisk_verify.cycles.collocation.fourier import (
     MAX_SAMPLES,
     Collocation,
     CycleKind,
+    harmonic_amplitudes,
     resample,
-    sizes,
 )
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import amplitude_law, omega_crit, period_crit
 
 __all__ = [
-    "branch_to",
     "collocation_fold_near",
     "first_fold",
     "floquet_mode",
     "fold_residual",
     "fold_system",
+    "librating_point_at",
     "not_converged_error",
-    "rotation_at",
+    "rotating_point_at",
     "solve_on_plane",
 ]
 
 _FIRST_SAMPLES = 24
 _FIRST_AMPLITUDE = 0.005  # rad; with it rounding moves the speed by some 1e-11
-_MAX_PASSES = 25
+_MAX_NEWTON_STEPS = 25
 _MAX_STEP = 0.3  # rad
 _SETTLED = 1e-8  # a relative step after which quadratic convergence leaves rounding only
 _STALLED = 1e-5  # a relative step below which only rounding keeps it from shrinking
 # The step of a difference, for a number of order one. The derivative is then good to some 1e-10.
 _DIFFERENCE_STEP = 1e-6
-_MAX_STEPS = 120
+_MAX_CONTINUATION_STEPS = 120
 # The largest last harmonics, relative to the first. They move the speed by 1e-9 of itself at most.
 _MAX_TAIL = 1e-6
 _FLAT_LEAN = 1.5  # rad; the disk lies flat at pi/2
 # Once periods are _LONG times the shortest, each step brings the speed at least ten times as close
-# to Omega_h as before: a speed _FAR steps ahead is beyond the end. From _LONGEST times the shortest
-# on, the last harmonics change the speed as much as the branch does, and it would turn by chance.
+# to Omega_h as before. A target more than _FAR times the last change of the speed away is beyond
+# the end. From _LONGEST times the shortest on, the last harmonics change the speed as much as the
+# branch does, and it would turn by chance.
 _LONG, _FAR, _LONGEST = 4.0, 300, 8.0
 _ROTATION_SAMPLES = 41
 # In units of the frequency; the next copies of a Floquet exponent differ by one
@@ -89,7 +90,7 @@ def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None
     return _solve(
         a,
         start,
-        lambda point: numpy.vstack((a.matrix(point), normal)),
+        lambda point: numpy.vstack((a.jacobian(point), normal)),
         lambda point: numpy.append(a.residual(point), normal @ (point - start)),
     )
 
@@ -106,7 +107,7 @@ def _solve(
     n = a.count
     amplitude = abs(start[:n]).max()
     unknowns, smallest = start, math.inf
-    for _ in range(_MAX_PASSES):
+    for _ in range(_MAX_NEWTON_STEPS):
         try:
             step = numpy.linalg.solve(matrix(unknowns), residual(unknowns))
         except numpy.linalg.LinAlgError:
@@ -141,18 +142,18 @@ def collocation_fold_near(a: Collocation, start: Any) -> Any | None:
         a fold.
     """
     # The branch's tangent is the null vector where Omega is extreme.
-    null = numpy.linalg.svd(a.matrix(start))[2][-1][:-1]
-    largest = abs(null).argmax()
-    unknowns = numpy.append(start, null / null[largest])
+    null = numpy.linalg.svd(a.jacobian(start))[2][-1][:-1]
+    pivot = abs(null).argmax()
+    unknowns = numpy.append(start, null / null[pivot])
     return _solve(
         a,
         unknowns,
-        lambda fold: fold_system(a, fold, largest),
-        lambda fold: fold_residual(a, fold, largest),
+        lambda fold: fold_system(a, fold, pivot),
+        lambda fold: fold_residual(a, fold, pivot),
     )
 
 
-def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
+def fold_residual(a: Collocation, fold: Any, pivot: int) -> Any:
     """Return the residuals (2 n + 3,) of the collocation equations of a fold.
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
@@ -161,13 +162,15 @@ def fold_residual(a: Collocation, fold: Any, largest: int) -> Any:
     Args:
         a: The collocation.
         fold: The fold's point and null vector (2 n + 3,).
-        largest: The place of the null vector's entry that is 1.
+        pivot: The place of the null vector's entry that is 1.
     """
     point, null = fold[: a.count + 2], fold[a.count + 2 :]
-    return numpy.concatenate((a.residual(point), a.along(point, null), [null[largest] - 1]))
+    return numpy.concatenate(
+        (a.residual(point), a.directional_derivative(point, null), [null[pivot] - 1])
+    )
 
 
-def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
+def fold_system(a: Collocation, fold: Any, pivot: int) -> Any:
     """Return the derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
 
     Second derivatives are symmetric. So the derivative of the null vector's equations with respect
@@ -176,18 +179,18 @@ def fold_system(a: Collocation, fold: Any, largest: int) -> Any:
     Args:
         a: The collocation, in double.
         fold: The fold's point and null vector (2 n + 3,).
-        largest: The place of the null vector's entry that is 1.
+        pivot: The place of the null vector's entry that is 1.
     """
     n = a.count
     point, moved = fold[: n + 2], numpy.append(_DIFFERENCE_STEP * fold[n + 2 :], 0.0)
     rows = numpy.zeros((2 * n + 3, 2 * n + 3))
-    matrix = a.matrix(point)
+    matrix = a.jacobian(point)
     rows[: n + 1, : n + 2] = matrix
-    rows[n + 1 : -1, : n + 2] = (a.matrix(point + moved) - a.matrix(point - moved)) / (
+    rows[n + 1 : -1, : n + 2] = (a.jacobian(point + moved) - a.jacobian(point - moved)) / (
         2 * _DIFFERENCE_STEP
     )
     rows[n + 1 : -1, n + 2 :] = matrix[:, :-1]
-    rows[-1, n + 2 + largest] = 1.0
+    rows[-1, n + 2 + pivot] = 1.0
     return rows
 
 
@@ -209,7 +212,7 @@ def first_fold(parameters: Parameters, kind: CycleKind) -> Any:
         points = _librating_branch(parameters, math.inf)
     else:  # along the unstable ones, from Omega_crit on downward
         crit = float(omega_crit(parameters, 20).value)
-        first = rotation_at(parameters, crit, stable=False)
+        first = rotating_point_at(parameters, crit, stable=False)
         second = solve_on_plane(
             Collocation(parameters, kind, len(first) - 2),
             numpy.append(first[:-1], _SPEED_RATIO * crit),
@@ -240,7 +243,7 @@ def _follow_branch(
     """
     length, fastest = 2.0, 0.0  # the next step, in units of the last one
     yield before, True
-    for _ in range(_MAX_STEPS):
+    for _ in range(_MAX_CONTINUATION_STEPS):
         n = len(point) - 2
         a = Collocation(parameters, kind, n)
         before = resample(kind, before, n)
@@ -253,7 +256,7 @@ def _follow_branch(
             length /= 2
             if length < 1e-3:
                 raise not_converged_error(n)
-            point = _scaled_point(kind, point, 0.0)
+            point = _resampled_if_needed(kind, point, 0.0)
             continue
         passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
@@ -268,12 +271,12 @@ def _follow_branch(
         rests = point[-2] < fastest / _LONG and _FAR * abs(along[-1]) < abs(target - point[-1])
         if rests or point[-2] < fastest / _LONGEST or abs(point[:-2]).max() > _FLAT_LEAN:
             return
-        before, point = point, _scaled_point(kind, ahead, _MAX_TAIL)
+        before, point = point, _resampled_if_needed(kind, ahead, _MAX_TAIL)
         length = min(1.3, 2 * length)
 
 
-def _scaled_point(kind: CycleKind, point: Any, small: float) -> Any:
-    harmonics = sizes(kind, point[:-2])
+def _resampled_if_needed(kind: CycleKind, point: Any, small: float) -> Any:
+    harmonics = harmonic_amplitudes(kind, point[:-2])
     if harmonics[-2:].max() > small * harmonics[0] and len(point) < MAX_SAMPLES // 4:
         return resample(kind, point, kind.samples((len(point) - 2) * 3 // 2 - 1))
     return point
@@ -285,7 +288,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     what `_follow_branch` yields.
     """
     # The square of beta's amplitude over that of gamma's.
-    share = float(parameters.e / (parameters.r + parameters.e))
+    ratio = float(parameters.e / (parameters.r + parameters.e))
     quadratic, frequency = (
         float(amplitude_law(parameters)[0]),
         2 * math.pi / float(period_crit(parameters)),
@@ -296,7 +299,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     )
     birth, first = (
         numpy.append(
-            -amplitude * numpy.sin(at), (frequency, speed * (1 + quadratic * amplitude**2 / share))
+            -amplitude * numpy.sin(at), (frequency, speed * (1 + quadratic * amplitude**2 / ratio))
         )
         for amplitude in (0.0, _FIRST_AMPLITUDE)
     )
@@ -308,7 +311,7 @@ def _librating_branch(parameters: Parameters, target: float) -> Iterator[tuple[A
     return _follow_branch(parameters, CycleKind.LIBRATING, birth, cycle, target)
 
 
-def branch_to(parameters: Parameters, target: Fraction) -> Any:
+def librating_point_at(parameters: Parameters, target: Fraction) -> Any:
     """Return the librating cycle where the branch from the Hopf point first crosses a speed.
 
     Args:
@@ -339,10 +342,10 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
         reason = "where the disk would lie flat" if lies_flat else "in ever longer periods"
         raise NoSuchCycleError(f"{nowhere}: the branch ends near {before[-1]:.5g} rad/s, {reason}")
     before = resample(CycleKind.LIBRATING, before, len(point) - 2)
-    share = (speed - before[-1]) / (point[-1] - before[-1])
+    ratio = (speed - before[-1]) / (point[-1] - before[-1])
     # At a fold, and at the Hopf point, the speed changes with the square of the way.
-    share = math.sqrt(share) if turned else 1 - math.sqrt(1 - share) if turns else share
-    guess = before + share * (point - before)
+    ratio = math.sqrt(ratio) if turned else 1 - math.sqrt(1 - ratio) if turns else ratio
+    guess = before + ratio * (point - before)
     guess[-1] = speed
     cycle = solve_on_plane(Collocation(parameters, CycleKind.LIBRATING, len(guess) - 2), guess)
     if cycle is None:
@@ -351,7 +354,7 @@ def branch_to(parameters: Parameters, target: Fraction) -> Any:
 
 
 # ---------------------------------------------------------------------------------- rotating cycles
-def rotation_at(parameters: Parameters, omega: float, stable: bool) -> Any:
+def rotating_point_at(parameters: Parameters, omega: float, stable: bool) -> Any:
     """Return the stable or the unstable rotating limit cycle at a speed, as a point of the
     collocation.
 
@@ -406,16 +409,18 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         n, 3 n). The matrix is that of the variational equation with the angle in place of time. The
         exponent and the mode are an eigenvalue and eigenvector of it.
     """
-    by_beta, by_gamma, by_v = (numpy.diag(slope / point[-2]) for slope in a.slopes(point))
+    by_beta, by_gamma, by_v = (
+        numpy.diag(slope / point[-2]) for slope in a.acceleration_gradient(point)
+    )
     turning, zero = (
         numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]),
         numpy.zeros((a.count, a.count)),
     )
     rows = numpy.block(
         [
-            [-a.slope, zero, numpy.eye(a.count) / point[-2]],
-            [turning, -a.slope, zero],
-            [by_beta, by_gamma, by_v - a.slope],
+            [-a.differentiation_matrix, zero, numpy.eye(a.count) / point[-2]],
+            [turning, -a.differentiation_matrix, zero],
+            [by_beta, by_gamma, by_v - a.differentiation_matrix],
         ]
     )
     values, vectors = numpy.linalg.eig(rows)

@@ -15,14 +15,14 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.collocation.collocation_branch import (
-    branch_to,
     collocation_fold_near,
     first_fold,
     floquet_mode,
     fold_residual,
     fold_system,
+    librating_point_at,
     not_converged_error,
-    rotation_at,
+    rotating_point_at,
     solve_on_plane,
 )
 from tippedisk_verify.cycles.collocation.fourier import (
@@ -43,10 +43,10 @@ from tippedisk_verify.model.results import Printable, quantity
 
 __all__ = [
     "CollocationCycle",
-    "approximate_cycle",
     "collocation_cycle",
     "collocation_fold",
-    "collocation_rotation",
+    "collocation_guess",
+    "collocation_rotating_cycle",
 ]
 
 _MAX_HARMONICS = MAX_SAMPLES // 2
@@ -104,12 +104,12 @@ def collocation_cycle(
             f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {short_text(harmonics)}"
         )
     digits = checked_digits(digits)
-    start = branch_to(parameters, speed)
+    start = librating_point_at(parameters, speed)
 
     def numbers(a: Collocation) -> dict[str, Any]:
         cycle = _solve_cycle(a, start, speed)
         gamma, v = a.motion(cycle)
-        beta_max = _largest(a, cycle[:-2], digits)
+        beta_max = _beta_max(a, cycle[:-2], digits)
         return {
             "period": 2 * a.pi / cycle[-2],
             "gamma_bar_0": gamma[0],
@@ -135,7 +135,7 @@ def collocation_cycle(
         count = min(MAX_SAMPLES, CycleKind.LIBRATING.samples(more * count))
 
 
-def _largest(a: Collocation, beta: Any, digits: int) -> Any:
+def _beta_max(a: Collocation, beta: Any, digits: int) -> Any:
     """Return the largest |beta_bar| between the samples of a librating cycle, by Newton's iteration
     on the derivative.
 
@@ -155,7 +155,7 @@ def _largest(a: Collocation, beta: Any, digits: int) -> Any:
     return abs((signs / a.sin(angle - at) * beta).sum() * a.ctx.sin(n * angle) / n)
 
 
-def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
+def collocation_guess(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
     """Return approximate coordinates (gamma_bar, v) of a librating limit cycle on the section beta
     = pi/2, v < 0.
 
@@ -171,13 +171,13 @@ def approximate_cycle(parameters: Parameters, omega: Fraction) -> tuple[float, f
     """
     if parameters.law.two_sided:  # its cycles differ little from those of the linear law
         parameters = parameters.with_friction("linear")
-    point = branch_to(parameters, omega)
+    point = librating_point_at(parameters, omega)
     gamma, v = Collocation(parameters, CycleKind.LIBRATING, len(point) - 2).motion(point)
     return float(gamma[0]), float(v[0])
 
 
 # ---------------------------------------------------------------------------------- rotating cycles
-def collocation_rotation(
+def collocation_rotating_cycle(
     parameters: Parameters, omega: object, *, stable: bool, digits: int
 ) -> dict[str, Measured]:
     """Return numbers of the rotating limit cycle of the linear law at a speed, to about ``digits``
@@ -201,7 +201,7 @@ def collocation_rotation(
     parameters.refuse_two_sides("spectral collocation is")
     speed = checked_speed(omega)
     digits = checked_digits(digits)
-    start = rotation_at(parameters, float(speed), stable)
+    start = rotating_point_at(parameters, float(speed), stable)
 
     def numbers(a: Collocation) -> dict[str, Any]:
         cycle = _solve_cycle(a, start, speed)
@@ -211,7 +211,7 @@ def collocation_rotation(
             "beta_bar_top": cycle[0],
             "v_top": a.motion(cycle)[1][0],
             "multiplier_slow": a.ctx.exp(2 * a.pi * _exponent(a, cycle)),
-            "log_multipliers": period * a.slopes(cycle)[2].sum() / a.count,
+            "log_multipliers": period * a.acceleration_gradient(cycle)[2].sum() / a.count,
         }
 
     count = samples_for(CycleKind.ROTATING, start, digits)
@@ -223,9 +223,9 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
     arithmetic of the cycle.
     """
     exponent, mode, rows = floquet_mode(a.double, cycle.astype(float))
-    largest, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
-    system = numpy.block([[rows - exponent * identity, -mode[:, None]], [identity[largest], 0.0]])
-    by_beta, by_gamma, by_v = a.slopes(cycle)
+    pivot, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
+    system = numpy.block([[rows - exponent * identity, -mode[:, None]], [identity[pivot], 0.0]])
+    by_beta, by_gamma, by_v = a.acceleration_gradient(cycle)
     turning = cycle[-1] * a.cos(cycle[:-2])
 
     def residual(unknowns: Any) -> Any:
@@ -241,7 +241,7 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
         slopes = numpy.concatenate(
             [a.derivative_at_samples(samples) for samples in (beta, gamma, v)]
         )
-        return numpy.append(rates - slopes - exponent * mode, mode[largest] - 1)
+        return numpy.append(rates - slopes - exponent * mode, mode[pivot] - 1)
 
     return _chord_iteration(a, system, numpy.append(mode, exponent), residual)[-1]
 
@@ -278,16 +278,16 @@ def collocation_fold(
         fold = collocation_fold_near(double, resample(kind, start, n))
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
-        largest = int(abs(fold[n + 2 :]).argmax())
+        pivot = int(abs(fold[n + 2 :]).argmax())
         fold = _chord_iteration(
             a,
-            fold_system(double, fold, largest),
+            fold_system(double, fold, pivot),
             fold,
-            lambda fold: fold_residual(a, fold, largest),
+            lambda fold: fold_residual(a, fold, pivot),
         )
         cycle, null = fold[: n + 2], fold[n + 2 :]
         gamma, v = a.motion(cycle)
-        turned, rate = a.motion_along(cycle, null)
+        turned, rate = a.motion_derivative(cycle, null)
         if kind is CycleKind.ROTATING:
             state, by_family = {"beta_bar_top": cycle[0], "v_top": v[0]}, null
         else:
@@ -348,7 +348,7 @@ def _solve_cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
     if point is None:
         raise not_converged_error(a.count)
     unknowns = _chord_iteration(
-        a, double.matrix(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
+        a, double.jacobian(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
     )
     return numpy.append(unknowns, exact)
 

@@ -38,7 +38,14 @@ from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
 
-__all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resample", "samples_for", "sizes"]
+__all__ = [
+    "MAX_SAMPLES",
+    "Collocation",
+    "CycleKind",
+    "harmonic_amplitudes",
+    "resample",
+    "samples_for",
+]
 
 MAX_SAMPLES = 2048  #: the largest number of samples of a collocation
 
@@ -102,9 +109,11 @@ class Collocation:
         functions: Any = numpy if ctx is None else _on_arrays(ctx)
         self.sin, self.cos = functions.sin, functions.cos
         self._ops = shifted(functions)
-        self.slope, integral = _operators(kind, count, None if ctx is None else ctx.prec)
+        self.differentiation_matrix, integral = _operators(
+            kind, count, None if ctx is None else ctx.prec
+        )
         # gamma_bar is 0 at a rotating cycle's first sample, and has mean 0 on a librating cycle.
-        self.integral = integral - kind.rotations * integral[0]
+        self.integration_matrix = integral - kind.rotations * integral[0]
         # gamma's steady growth
         self._growth = kind.rotations * 2 * self.pi * numpy.arange(count) / count
         self._weights = numpy.ones(count) if kind.rotations else numpy.eye(1, count)[0]
@@ -130,7 +139,7 @@ class Collocation:
         """Return the derivative of a periodic function with respect to the angle, at the samples,
         from its values there.
         """
-        return self._matrix_product(self.slope, samples)
+        return self._matrix_product(self.differentiation_matrix, samples)
 
     def _matrix_product(self, rows: Any, samples: Any) -> Any:
         """Return the product of a matrix and a vector of samples, whose entries are of order one.
@@ -156,7 +165,7 @@ class Collocation:
         and Omega (the ``point``).
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
-        swing = omega / frequency * self._matrix_product(self.integral, self.sin(beta))
+        swing = omega / frequency * self._matrix_product(self.integration_matrix, self.sin(beta))
         return self._growth + swing, frequency * self.derivative_at_samples(beta)
 
     def residual(self, point: Any) -> Any:
@@ -171,7 +180,7 @@ class Collocation:
         closing = omega * self._mean(self.sin(beta)) - self.kind.rotations * frequency
         return numpy.append(frequency * self.derivative_at_samples(v) - rate, closing)
 
-    def slopes(self, point: Any) -> tuple[Any, Any, Any]:
+    def acceleration_gradient(self, point: Any) -> tuple[Any, Any, Any]:
         """Return the acceleration's derivatives with respect to beta, gamma and v, each at the
         samples (n,).
         """
@@ -179,7 +188,7 @@ class Collocation:
         by_beta, by_gamma, by_v = derivatives(point[:-2], *self.motion(point))[2]
         return by_beta, by_gamma, by_v
 
-    def motion_along(self, point: Any, change: Any) -> tuple[Any, Any]:
+    def motion_derivative(self, point: Any, change: Any) -> tuple[Any, Any]:
         """Return the derivatives of gamma and v (n,) at the samples when a point moves in a
         direction, at fixed Omega.
 
@@ -192,9 +201,9 @@ class Collocation:
         rate = frequency * self.derivative_at_samples(change[:-1]) + change[
             -1
         ] * self.derivative_at_samples(beta)
-        return omega / frequency * self._matrix_product(self.integral, tilt), rate
+        return omega / frequency * self._matrix_product(self.integration_matrix, tilt), rate
 
-    def along(self, point: Any, change: Any) -> Any:
+    def directional_derivative(self, point: Any, change: Any) -> Any:
         """Return the derivative (n + 1,) of the collocation equations' residual when a point moves
         in a direction, at fixed Omega.
 
@@ -203,8 +212,8 @@ class Collocation:
             change: The direction (n + 1,), in beta_bar and the frequency.
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
-        by_beta, by_gamma, by_v = self.slopes(point)
-        turned, rate = self.motion_along(point, change)
+        by_beta, by_gamma, by_v = self.acceleration_gradient(point)
+        turned, rate = self.motion_derivative(point, change)
         acceleration = self.derivative_at_samples(
             frequency * rate + change[-1] * frequency * self.derivative_at_samples(beta)
         )
@@ -215,23 +224,28 @@ class Collocation:
             acceleration - by_beta * change[:-1] - by_gamma * turned - by_v * rate, closing
         )
 
-    def matrix(self, point: Any) -> Any:
+    def jacobian(self, point: Any) -> Any:
         """Return the derivative of the collocation equations' residual with respect to the point,
         in double: (n + 1, n + 2).
         """
         beta, w, omega, n = point[:-2], point[-2], point[-1], self.count
         gamma, v = self.motion(point)
-        by_beta, by_gamma, by_v = self.slopes(point)
+        by_beta, by_gamma, by_v = self.acceleration_gradient(point)
         swing = gamma - self._growth
-        curve = self.slope @ beta
+        curve = self.differentiation_matrix @ beta
         stepped = field(
             self._ops, self.constants, complex(omega, _COMPLEX_STEP), self.parameters.law
         )
         rows = numpy.zeros((n + 1, n + 2))
-        rows[:n, :n] = w * w * (self.slope @ self.slope) - by_v[:, None] * w * self.slope
-        rows[:n, :n] -= (by_gamma * omega / w)[:, None] * self.integral * numpy.cos(beta)
+        rows[:n, :n] = (
+            w * w * (self.differentiation_matrix @ self.differentiation_matrix)
+            - by_v[:, None] * w * self.differentiation_matrix
+        )
+        rows[:n, :n] -= (by_gamma * omega / w)[:, None] * self.integration_matrix * numpy.cos(beta)
         rows[numpy.arange(n), numpy.arange(n)] -= by_beta
-        rows[:n, n] = 2 * w * (self.slope @ curve) + by_gamma * swing / w - by_v * curve
+        rows[:n, n] = (
+            2 * w * (self.differentiation_matrix @ curve) + by_gamma * swing / w - by_v * curve
+        )
         rows[:n, n + 1] = (
             -stepped(beta, gamma, v)[2].imag / _COMPLEX_STEP - by_gamma * swing / omega
         )
@@ -301,7 +315,7 @@ def resample(kind: CycleKind, point: Any, count: int) -> Any:
     return numpy.append(beta, point[old:])
 
 
-def sizes(kind: CycleKind, beta: Any) -> Any:
+def harmonic_amplitudes(kind: CycleKind, beta: Any) -> Any:
     """Return the amplitudes of beta_bar's harmonics [rad], in double: for librating cycles the odd
     ones, for rotating cycles all from the first on.
 
@@ -324,7 +338,7 @@ def samples_for(kind: CycleKind, point: Any, digits: int) -> int:
         point: The point (n + 2,) in double.
         digits: The digits wanted.
     """
-    amplitudes = sizes(kind, point[:-2])
+    amplitudes = harmonic_amplitudes(kind, point[:-2])
     logarithms = numpy.log10(amplitudes[amplitudes > 1e-13 * amplitudes[0]])
     half = len(logarithms) // 2
     falls = 6.0 if half < 2 else (logarithms[half - 1] - logarithms[-1]) / (len(logarithms) - half)

@@ -1,3 +1,3 @@
-"""Families of limit cycles: continuation in a coordinate, interpolation between computed cycles, and
-folds.
+"""Families of limit cycles: continuation in a coordinate, interpolation between computed cycles,
+and folds.
 """

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
 from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
@@ -43,7 +43,7 @@ class BatchCycles:
     """n limit cycles of a section in double. ``cycles[name]`` is the array (n,) of one number, NaN
     where Newton's iteration failed.
 
-    The names are omega, the section's `numbers` and the trivial multiplier's defect.
+    The names are omega, the section's `quantity_names` and the trivial multiplier's defect.
     ``log_multipliers`` is the sum of both logarithms, which is the integral of the divergence.
     ``residual`` is the sum of |image of the flight's end - start| over beta_bar, gamma_bar and v /
     10 [rad].
@@ -110,8 +110,8 @@ def shoot_batch(
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
         batch_engine: The engine of the flights.
-        all_numbers: If False, leave out (NaN) the section's measures and the fast multiplier, which take
-            another flight.
+        all_numbers: If False, leave out (NaN) the section's event quantities and the fast
+            multiplier, which take another flight.
         tolerance: The relative step that ends the iteration, one or (n,).
         free_omega: If True, fix the first coordinate instead of Omega.
 
@@ -131,8 +131,8 @@ def shoot_batch(
         for name, values in batch.event_quantities(unknowns, numpy.flatnonzero(converged)).items():
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
-    matrix, slopes = last.map.transpose(1, 2, 0), last.by_omega.T
-    numbers = numbers_from_map(
+    matrix, slopes = last.map.transpose(1, 2, 0), last.family_slopes.T
+    numbers = quantities_from_map(
         section, (first, second), flight, matrix, slopes, last.trivial, flown, numpy
     )
     numbers |= {
@@ -146,7 +146,7 @@ class _NewtonStep(NamedTuple):
     """One Newton step for n cycles at once, and the numbers that their derivatives give."""
 
     step: Array  #: (n, 3) the step of the three free unknowns
-    by_omega: Array  #: (n, 3) derivatives of coordinates and flight time along the family
+    family_slopes: Array  #: (n, 3) derivatives of coordinates and flight time along the family
     map: Array  #: (n, 2, 2) the derivative of the section's map
     residual: Array  #: (n,)
     trivial: Array  #: (n,) the multiplier along the flow
@@ -247,7 +247,7 @@ class _SectionBatch:
         by_held = numpy.ones_like(unknowns)
         by_held[:, self._free] = -(inverse @ matrix[:, :, self._fixed_unknown, None])[:, :, 0]
         with numpy.errstate(divide="ignore", invalid="ignore"):  # at a fold
-            by_omega = by_held[:, :3] / by_held[:, 3:]
+            family_slopes = by_held[:, :3] / by_held[:, 3:]
         # The map on the section: time moves with the start, dt = -d(fixed component) / its rate.
         times = -rows[:, section.zero_component, axes] / rates[:, section.zero_component, None]
         moved = [rows[:, axis, axes] + rates[:, axis, None] * times for axis in axes]
@@ -256,7 +256,7 @@ class _SectionBatch:
         images = (rows[:, :, :3] * direction[:, None]).sum(axis=2)
         return _NewtonStep(
             step=-(inverse @ errors[:, :, None])[:, :, 0],
-            by_omega=by_omega,
+            family_slopes=family_slopes,
             map=section.symmetry_sign * numpy.stack(moved, axis=1),
             residual=numpy.abs(errors) @ numpy.array([1.0, 1.0, 0.1]),
             trivial=section.symmetry_sign
@@ -267,7 +267,7 @@ class _SectionBatch:
     def event_quantities(self, unknowns: Array, runs: Any) -> dict[str, Any]:
         """Return further numbers of the cycles, by name, from one more flight of each.
 
-        They are the section's measures, such as the largest lean, and the integral of the
+        They are the section's event quantities, such as the largest lean, and the integral of the
         ``divergence`` over a flight. ``runs`` are the indices (k,) of the cycles, and the numbers
         are arrays (k,).
         """

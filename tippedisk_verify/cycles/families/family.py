@@ -78,7 +78,7 @@ class CycleGuess:
     omega_falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
     flight_time: float = math.nan  #: flight time of the section's map [s]
     #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
-    zeros_of_distance: int = 0
+    leading_zeros: int = 0
 
     @classmethod
     def without_coordinates(cls, omega: Fraction, piece: int = 0) -> CycleGuess:
@@ -111,16 +111,16 @@ class Family:
         nodes: The number of nodes of a panel.
         centre: The first coordinate at s = 0 [rad].
         half_range: The factor of tanh(s) in the first coordinate [rad].
-        first_row: One cycle: s, second coordinate / first, flight time, Omega, and the derivatives of
-            the last three with respect to s.
+        first_row: One cycle: s, second coordinate / first, flight time, Omega, and the derivatives
+            of the last three with respect to s.
 
     Raises:
         NoSuchCycleError: If the family cannot be followed.
     """
 
     section: ClassVar[Section[Any]]
-    #: An abscissa at which the family, continued, ends for good: its distance bounds the reach of
-    #: linear estimates.
+    #: The abscissa at which the family, continued before its first node, ends: librating cycles
+    #: vanish there. Linear estimates hold within half the distance from it.
     origin: ClassVar[float] = -math.inf
     #: Pairs of speeds [rad/s] between which the family has a cycle beyond its last node.
     gaps: tuple[tuple[float, float], ...]
@@ -334,7 +334,7 @@ class Family:
             samples.append((omega, s) if omega[-1] > omega[0] else (omega[::-1], s[::-1]))
         return samples
 
-    def abscissas(self, omegas: Array) -> Any:
+    def abscissas_at_speeds(self, omegas: Array) -> Any:
         """Return the abscissas s of the family's cycles at given speeds, one for each piece of the
         family.
 
@@ -345,10 +345,10 @@ class Family:
             The abscissas (pieces, n); NaN if a piece does not reach the speed.
         """
         rows = []
-        for (speeds, abscissas), (low, high) in zip(
+        for (speeds, abscissas_at_speeds), (low, high) in zip(
             self._inversion_samples, pairwise(self.ends_and_folds), strict=True
         ):
-            s = numpy.interp(omegas, speeds, abscissas, left=numpy.nan, right=numpy.nan)
+            s = numpy.interp(omegas, speeds, abscissas_at_speeds, left=numpy.nan, right=numpy.nan)
             inside = numpy.isfinite(s)
             root, wanted = s[inside], omegas[inside]
             # Next to a fold each of the first steps only halves the error
@@ -368,15 +368,17 @@ class Family:
         """Yield approximations (`CycleGuess`) of the family's cycles at a speed [rad/s], from the
         smallest first coordinate on.
         """
-        for piece, (s,) in enumerate(self.abscissas(numpy.array([omega]))):
+        for piece, (s,) in enumerate(self.abscissas_at_speeds(numpy.array([omega]))):
             if math.isfinite(s):
                 yield self.guess(float(s), piece)
 
     def guess(self, s: float, piece: int = 0) -> CycleGuess:
         """Return an approximation (`CycleGuess`) of the family's cycle at an abscissa on a piece."""
-        ratio, flight, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
+        ratio, flight_time, omega, _ = (float(value) for value in self.at(numpy.array([s]))[:, 0])
         first = float(self.coordinate(s))
-        return CycleGuess((first, ratio * first), omega, piece, self.omega_falls[piece], flight)
+        return CycleGuess(
+            (first, ratio * first), omega, piece, self.omega_falls[piece], flight_time
+        )
 
 
 def _powers_and_rates(x: Array, degree: int) -> tuple[Array, Array]:
@@ -420,10 +422,10 @@ def batch_solver(
         parameters: The disk, under the linear law.
         batch_engine: The engine of the flights.
     """
-    return partial(_in_batches, section, field_constants(parameters), batch_engine)
+    return partial(_solve_batch, section, field_constants(parameters), batch_engine)
 
 
-def _in_batches(
+def _solve_batch(
     section: Section[Any], constants: Array, batch_engine: BatchTaylor, *guess: Array
 ) -> SolvedCycles:
     *start, omega = guess
@@ -461,13 +463,13 @@ def sequential_solver(section: Section[Any], parameters: Parameters, engine: Eng
         engine: The engine of the flights.
     """
 
-    def solve(first: Array, second: Array, flight: Array, omega: Array) -> SolvedCycles:
+    def solve(first: Array, second: Array, flight_time: Array, omega: Array) -> SolvedCycles:
         rows = numpy.full((len(first), len(SolvedCycles._fields)), numpy.nan)
         for index, (x, *guess) in enumerate(
             zip(first.tolist(), second.tolist(), omega.tolist(), strict=True)
         ):
             try:
-                rows[index] = _solve_one_by_one(section, parameters, engine, x, *guess)
+                rows[index] = _solve_one(section, parameters, engine, x, *guess)
             except NoSuchCycleError:
                 break
         return SolvedCycles(*rows.T)
@@ -475,18 +477,18 @@ def sequential_solver(section: Section[Any], parameters: Parameters, engine: Eng
     return solve
 
 
-def _solve_one_by_one(
+def _solve_one(
     section: Section[Any], parameters: Parameters, engine: Engine, x: float, y: float, omega: float
 ) -> Any:
     held = f"the iteration at fixed {section.coordinate_names[0]}"
 
     def size(iterate: Iterate[Any]) -> float:
-        _, second, speed = iterate.ahead
+        _, second, speed = iterate.next_point
         if not 0 < speed < math.inf:
             raise NoSuchCycleError(f"{held} left the positive speeds")
         return float(abs(iterate.step[1] / second) + abs(iterate.step[2] / speed))
 
-    stop = StoppingRule(10, NoSuchCycleError(f"{held} does not settle"), small=_SETTLED)
+    stop = StoppingRule(10, NoSuchCycleError(f"{held} does not settle"), tolerance=_SETTLED)
     found = newton(
         ReturnMap(section, parameters, omega, engine),
         (x, y),
@@ -495,7 +497,7 @@ def _solve_one_by_one(
         fixed_quantity="coordinate",
     )
     (_, second, speed), (_, second_slope, omega_slope, flight_slope) = (
-        found.ahead,
+        found.next_point,
         found.image.slopes("coordinate"),
     )
     return second, found.image.time, speed, second_slope, flight_slope, omega_slope

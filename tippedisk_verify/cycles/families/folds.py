@@ -19,7 +19,7 @@ import numpy
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.shooting.newton import StoppingRule
-from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
@@ -69,7 +69,7 @@ _GUARD_DIGITS = 12  # digits that two nearly parallel conditions and the flight 
 class Fold(Printable):
     """A fold of limit cycles: the extreme speed of a family, where two cycles merge.
 
-    Each number's half-width holds the truth.
+    The half-width of each number contains its error.
     """
 
     section: ClassVar[Section[Any]]  #: the section whose map has the fold's cycle as a fixed point
@@ -314,14 +314,14 @@ def _fold_in(
     return kind(**numbers, parameters=parameters, engine=engine.name, precision=precision.name)
 
 
-def _conditions(image: Image) -> tuple[Any, Any, Any]:
+def _conditions(image: LinearizedReturn) -> tuple[Any, Any, Any]:
     """Return three numbers that are zero at a fold: the return map's residual and det(1 - P')."""
-    (a, b), (c, d) = image.matrix
+    (a, b), (c, d) = image.jacobian
     return (*image.residual, (1 - a) * (1 - d) - b * c)
 
 
 def _fold_system(
-    mapped: Callable[[Sequence[Any]], Image], point: Sequence[Any], shifts: Sequence[Any]
+    mapped: Callable[[Sequence[Any]], LinearizedReturn], point: Sequence[Any], shifts: Sequence[Any]
 ) -> tuple[tuple[Any, Any, Any], list[list[Any]]]:
     """Return the conditions of a fold, which are zero there, and the matrix (3, 3) of their
     derivatives.
@@ -331,7 +331,7 @@ def _fold_system(
     ``shifts``.
     """
     image, by_determinant = mapped(point), []
-    (a, b), (c, d) = image.matrix
+    (a, b), (c, d) = image.jacobian
     for axis, shift in enumerate(shifts):
         moved = [[x + sign * shift * (k == axis) for k, x in enumerate(point)] for sign in (1, -1)]
         above, below = (_conditions(mapped(unknowns))[2] for unknowns in moved)
@@ -342,7 +342,7 @@ def _fold_system(
 
 def _mapped(
     section: Section[Any], parameters: Parameters, engine: Engine, precision: Precision
-) -> Callable[[Sequence[Any]], Image]:
+) -> Callable[[Sequence[Any]], LinearizedReturn]:
     return lambda at: ReturnMap(section, parameters, at[2], engine, precision)(at[:2])
 
 
@@ -370,12 +370,14 @@ def fold_near(
         AccuracyError: If the iteration does not settle.
     """
     lost = AccuracyError("the iteration for the fold of the limit cycles does not settle")
-    stop = StoppingRule(20, lost, small=1e-13 * min(1.0, abs(float(point[0]))), near=1e-9)
+    stop = StoppingRule(
+        20, lost, tolerance=1e-13 * min(1.0, abs(float(point[0]))), stall_tolerance=1e-9
+    )
     point, mapped = (
         [precision.number(float(x)) for x in point],
         _mapped(section, parameters, engine, precision),
     )
-    share = _DIFFERENCE_STEP if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
+    step_ratio = _DIFFERENCE_STEP if precision == DOUBLE else float(precision.epsilon) ** (1 / 3)
     while True:
         # A cycle next to the Hopf point is small. One that comes close to a saddle must not miss
         # it.
@@ -384,7 +386,7 @@ def fold_near(
             min(1.0, abs(float(x)), near_saddle**power)
             for x, power in zip(point, (1, 1, 2), strict=True)
         )
-        shifts = [precision.number(share * scale) for scale in scales]
+        shifts = [precision.number(step_ratio * scale) for scale in scales]
         conditions, rows = _fold_system(mapped, point, shifts)
         jacobian = numpy.array([[float(x) for x in row] for row in rows])
         step = numpy.linalg.solve(jacobian, [float(x) for x in conditions])
@@ -414,7 +416,9 @@ def _numbers(
     lost = AccuracyError(
         f"the iteration for the fold has not converged in {precision.name} precision"
     )
-    stop = StoppingRule(precision.bits // 8 + 8, lost, small=1000 * precision.epsilon, min_sizes=2)
+    stop = StoppingRule(
+        precision.bits // 8 + 8, lost, tolerance=1000 * precision.epsilon, min_sizes=2
+    )
     while True:
         conditions = _conditions(mapped(at))
         steps = [sum(a * b for a, b in zip(row, conditions, strict=True)) for row in inverse]
@@ -424,7 +428,7 @@ def _numbers(
     return_map = ReturnMap(section, parameters, at[2], engine, precision)
     image = return_map(at[:2])
     flight = return_map.flight(at[:2])
-    (a, b), _ = image.matrix
+    (a, b), _ = image.jacobian
     return {
         "omega": at[2],
         "period": section.flights_per_period * image.time,

@@ -28,7 +28,7 @@ import numpy
 
 from tippedisk_verify.cycles.families.batch_shooting import BatchCycles, shoot_batch
 from tippedisk_verify.cycles.families.family import Family
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, field_constants
@@ -53,8 +53,8 @@ _ROUNDING_SPACING = 4  # the spacing, in nodes, of those where rounding is measu
 # The share of the constants that a twin moves up; as many move down. Each then errs by half a
 # place, as by rounding.
 _MOVED_SHARE = 1 / 8
-# The move of a start, relative to the distance from the nearer end. Newton's iteration then ends
-# after one step.
+# The displacement of a start, relative to the distance from the nearer end. It is so small that
+# Newton's iteration ends after one step.
 _START_SHIFT = 1e-5
 # A factor for the error of the derivative with respect to the start. The start's effect is linear
 # but for parts of 1e-5.
@@ -99,8 +99,8 @@ class FamilyInterpolant:
         self._by_omega = tuple(
             f"d{name}_domega" for name in ("period", *self._section.coordinate_names)
         )
-        self._before = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
-        self._measured = (*number_names(self._section), "log_multipliers")
+        self._names_before_step = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
+        self._measured = (*quantity_names(self._section), "log_multipliers")
 
     def _shoot(
         self, omegas: Array, guess: Array, constants: Any = None, **options: Any
@@ -109,7 +109,7 @@ class FamilyInterpolant:
         return shoot_batch(self._section, constants, omegas, guess, self._batch_engine, **options)
 
     # ----------------------------------------------------------------------------------- the cycles
-    def results(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
+    def cycles_at_speeds(self, omegas: Sequence[float], digits: int) -> list[list[Any] | None]:
         """Return all cycles at each speed, from the smallest first coordinate on, as objects of the
         kind that single speeds give.
 
@@ -125,9 +125,9 @@ class FamilyInterpolant:
             doubles do not hold.
         """
         speeds = numpy.asarray(omegas, dtype=float)
-        s = self.family.abscissas(speeds)
+        s = self.family.abscissas_at_speeds(speeds)
         index, piece = numpy.nonzero(numpy.isfinite(s.T))
-        cycles = self.solved(speeds[index], s[piece, index])
+        cycles = self.solve_at_speeds(speeds[index], s[piece, index])
         widths = self.half_widths(cycles)
         held = cycles.converged
         for name in ("period", *self._section.coordinate_names, "beta_max"):
@@ -175,7 +175,7 @@ class FamilyInterpolant:
                 precision=DOUBLE.name,
             )
 
-    def solved(self, speeds: Array, s: Array) -> BatchCycles:
+    def solve_at_speeds(self, speeds: Array, s: Array) -> BatchCycles:
         """Solve for the limit cycles at given speeds, by Newton's iteration from the interpolated
         family.
 
@@ -183,12 +183,12 @@ class FamilyInterpolant:
             speeds: The speeds (n,) [rad/s].
             s: Abscissas (n,) next to them.
         """
-        first, (ratio, flight, _, slope) = self.family.coordinate(s), self.family.at(s)
+        first, (ratio, flight_time, _, slope) = self.family.coordinate(s), self.family.at(s)
         # The relative step after which only rounding is left grows towards Omega_h and towards a
         # fold.
         resolved = 1e-11 * numpy.maximum(1.0, 4e-4 / numpy.abs(slope))
         cycles = self._shoot(
-            speeds, numpy.stack((first, ratio * first, flight)), tolerance=resolved
+            speeds, numpy.stack((first, ratio * first, flight_time)), tolerance=resolved
         )
         # Next to a fold the iteration may have gone beyond it.
         cycles.converged[slope * cycles[f"d{self._section.coordinate_names[0]}_domega"] < 0] = False
@@ -206,7 +206,7 @@ class FamilyInterpolant:
             reach beyond it.
         """
         s = self.family.abscissa(cycles.coordinate)
-        nodes, spreads, slopes = self._sources
+        nodes, spreads, slopes = self._node_errors
         last, widths = numpy.abs(cycles.last_step).T, dict[str, Any]()
         for name in self._measured:
             pole = self._pole_factors(name, cycles)
@@ -230,7 +230,7 @@ class FamilyInterpolant:
         return cycles.slope ** (_POLE_ORDER if name in self._by_omega else 1)
 
     @cached_property
-    def _sources(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
+    def _node_errors(self) -> tuple[Any, dict[str, Any], dict[str, list[Any]]]:
         """The data from which half-widths are interpolated: abscissas (k,) in rising order, the
         scatter of each number there, and its change with the start.
 
@@ -246,8 +246,8 @@ class FamilyInterpolant:
         values = {name: [nodes[name]] for name in self._measured}
         random, guess = numpy.random.default_rng(1), start
         for _ in range(NODE_TWINS):
-            turns = random.random((len(every), len(self._constants)))
-            moves = (turns < _MOVED_SHARE).astype(float) - (turns >= 1 - _MOVED_SHARE)
+            draws = random.random((len(every), len(self._constants)))
+            moves = (draws < _MOVED_SHARE).astype(float) - (draws >= 1 - _MOVED_SHARE)
             twins = self._shoot(
                 omegas, guess, self._constants * (1 + moves * 2 * _UNIT_ROUNDOFF), tolerance=1e-5
             )
@@ -258,13 +258,13 @@ class FamilyInterpolant:
             name: numpy.ptp(numpy.stack(of_twins), axis=0) * poles[name]
             for name, of_twins in values.items()
         }
-        slopes: dict[str, list[Any]] = {name: [] for name in self._before}
+        slopes: dict[str, list[Any]] = {name: [] for name in self._names_before_step}
         shift = _START_SHIFT * self._distances_to_end[every] / omegas * numpy.abs(start)
         for index in range(3):
             guess = start.copy()
             guess[index] += shift[index]
             shifted = self._shoot(omegas, guess, tolerance=1e-5, all_numbers=False)
-            for name in self._before:
+            for name in self._names_before_step:
                 slopes[name].append(
                     numpy.abs(shifted[name] - nodes[name]) / shift[index] * poles[name]
                 )

@@ -97,7 +97,7 @@ class LibratingFamily(Family):
         """
         return float(self.nodes[-1, 3] + math.copysign(self._distance_to_limit, self.nodes[-1, 6]))
 
-    def newborn(self, distance: float) -> CycleGuess:
+    def near_hopf_guess(self, distance: float) -> CycleGuess:
         """Return the approximate cycle (`CycleGuess`) at a distance from the Hopf point, nearer
         than the first node.
 

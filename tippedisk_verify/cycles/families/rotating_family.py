@@ -53,7 +53,7 @@ class RotatingFamily(Family):
         self.omega_h = omega_h
         first, singly = omega_h * _FIRST_SPEED, sequential_solver(ROTATING, parameters, engine)
         (lowest, _), (beta, v) = (
-            map(float, ReturnMap(ROTATING, parameters, omega, engine).end_of_unstable_manifold())
+            map(float, ReturnMap(ROTATING, parameters, omega, engine).unstable_manifold_crossing())
             for omega in (omega_h, first)
         )
         if not lowest < beta:
@@ -61,7 +61,7 @@ class RotatingFamily(Family):
                 "no rotating cycle found below Omega_h: the unstable manifold leans less there"
             )
         # The flight time is not an unknown where the engine meets the section.
-        second, flight, omega, *slopes = (
+        second, flight_time, omega, *slopes = (
             float(values[0])
             for values in singly(*(numpy.array([x]) for x in (beta, v, math.nan, float(first))))
         )
@@ -76,7 +76,7 @@ class RotatingFamily(Family):
         first_row = (
             s,
             second / beta,
-            flight,
+            flight_time,
             omega,
             *(rate * slope for slope in (ratio_slope, *slopes[1:])),
         )
@@ -133,7 +133,7 @@ class RotatingFamily(Family):
             if side and self.nodes[0, 3] < omega < self.omega_h:
                 beta, v = ReturnMap(
                     ROTATING, self.parameters, Fraction(omega), self.engine
-                ).end_of_unstable_manifold()
+                ).unstable_manifold_crossing()
                 yield CycleGuess((float(beta), float(v)), omega, 0, self.omega_falls[0])
                 continue
             self.reach(0.0 if side else omega)

@@ -1,1 +1,3 @@
-"""Limit cycles next to Omega_h, where the period tends to infinity, and the four methods for Omega_h."""
+"""Limit cycles next to Omega_h, where the period tends to infinity, and the four methods for
+Omega_h.
+"""

@@ -8,8 +8,8 @@ Omega_h itself is needed to more digits than D has zeros; the manifolds' splitti
 cycle passes the saddles so closely that it leaves them along the unstable manifold.
 
 If the saddle value is negative, the return map contracts like D^(-lambda_s / lambda_u - 1). The
-branch itself then arrives next to the fixed point, and Broyden's iteration needs no derivative to
-begin with. Otherwise the family followed in its period predicts the cycle.
+unstable manifold itself then arrives next to the fixed point, and Broyden's iteration needs no
+derivative to begin with. Otherwise the family followed in its period predicts the cycle.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     precision_near_omega_h,
     predicted_state,
 )
-from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
@@ -41,8 +41,8 @@ from tippedisk_verify.theory.equilibria import equilibrium
 
 __all__ = [
     "MIN_SHOOTING_DISTANCE",
-    "cycle_near_omega_h",
-    "fixed_point_near",
+    "cycle_by_integration",
+    "fixed_point_by_integration",
     "with_uncertainty_of_omega_h",
 ]
 
@@ -61,7 +61,7 @@ _SPEED_MOVE = Fraction(1, 1000)
 _CACHED_CYCLES = 64  # cycles in the cache; each takes some seconds
 
 
-def cycle_near_omega_h(
+def cycle_by_integration(
     section: Section[C],
     parameters: Parameters,
     omega: Fraction,
@@ -88,12 +88,12 @@ def cycle_near_omega_h(
         NoSuchCycleError: If there is no such cycle.
         AccuracyError: If the digits are not reached.
     """
-    cycle: C = _cycle_near(section, parameters, omega, omega_h, engine, digits)
+    cycle: C = _cycle_in_arithmetic(section, parameters, omega, omega_h, engine, digits)
     return cycle
 
 
 @lru_cache(maxsize=_CACHED_CYCLES)
-def _cycle_near(
+def _cycle_in_arithmetic(
     section: Section[Any],
     parameters: Parameters,
     omega: Fraction,
@@ -101,12 +101,14 @@ def _cycle_near(
     engine: Engine,
     digits: int,
 ) -> Any:
-    fixed_point = fixed_point_near(section, parameters, omega, omega_h, engine, digits=digits)
+    fixed_point = fixed_point_by_integration(
+        section, parameters, omega, omega_h, engine, digits=digits
+    )
     precision = fixed_point.return_map.precision
     return cycle_in_precision(fixed_point, precision, bits(precision.bits + _EXTRA_BITS))
 
 
-def fixed_point_near(
+def fixed_point_by_integration(
     section: Section[C],
     parameters: Parameters,
     omega: Fraction,
@@ -115,11 +117,11 @@ def fixed_point_near(
     *,
     digits: int,
 ) -> FixedPoint[C]:
-    """Solve for the cycle of `cycle_near_omega_h` in one arithmetic, without a measure of its
+    """Solve for the cycle of `cycle_by_integration` in one arithmetic, without a measure of its
     error.
 
     Args:
-        section, parameters, omega, omega_h, engine: As for `cycle_near_omega_h`.
+        section, parameters, omega, omega_h, engine: As for `cycle_by_integration`.
         digits: The significant digits that the arithmetic holds.
 
     Raises:
@@ -132,16 +134,16 @@ def fixed_point_near(
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
     )
     if log10(distance) * (-slow / unstable - 1) < _STRONG_CONTRACTION:
-        point = return_map.end_of_unstable_manifold()
+        point = return_map.unstable_manifold_crossing()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
     else:
         point = (
             _predicted(return_map, omega - omega_h)
             if section is LIBRATING
-            else return_map.end_of_unstable_manifold()
+            else return_map.unstable_manifold_crossing()
         )
-        matrix = return_map(point).matrix
+        matrix = return_map(point).jacobian
     return _fixed_point(return_map, point, matrix, distance)
 
 
@@ -170,9 +172,9 @@ def _fixed_point(
     pi = precision.pi
     lost = NoSuchCycleError("the shooting iteration left the neighbourhood of the connection")
     (a, b), (c, d) = matrix
-    # Rounding moves the splitting, and that is resolved against the distance from Omega_h.
+    # Rounding moves the splitting by epsilon, so it moves the start by epsilon / distance.
     resolved = precision.number(precision.epsilon / distance)
-    stop = StoppingRule(_MAX_STEPS, lost, small=resolved, near=_ROUNDING_STEP)
+    stop = StoppingRule(_MAX_STEPS, lost, tolerance=resolved, stall_tolerance=_ROUNDING_STEP)
     step: tuple[Any, Any] | None = None
     while True:
         end = return_map.flight(point).state
@@ -210,7 +212,7 @@ def with_uncertainty_of_omega_h(
     section: Section[C],
     omega_h: Measured,
     distance: Fraction,
-    branch_length: Fraction,
+    piece_length: Fraction,
     engine: Engine,
 ) -> C:
     """Return a limit cycle with half-widths that include the effect of Omega_h's uncertainty on its
@@ -218,17 +220,17 @@ def with_uncertainty_of_omega_h(
 
     All numbers are computed once more at another speed, moved by a thousandth of the distance from
     the nearer end of the branch. Up to a thousandth they change in proportion to the speed
-    (docs/error_budgets.md). Twice the share of the change is added.
+    (docs/error_budgets.md). Twice that part of the change is added.
 
     Args:
         cycle: The cycle at exactly Omega_h plus or minus the distance.
         section: Its section.
         omega_h: Omega_h [rad/s].
         distance: The distance of the speed from Omega_h [rad/s].
-        branch_length: The length of the branch from Omega_h on [rad/s].
+        piece_length: The length of the branch from Omega_h on [rad/s].
         engine: The engine of the flights.
     """
-    moved = min(distance, branch_length - distance) * _SPEED_MOVE
+    moved = min(distance, piece_length - distance) * _SPEED_MOVE
     too_close = distance < MIN_SHOOTING_DISTANCE
     precision = (
         precision_near_omega_h(cycle.parameters, omega_h.value, distance, 0)
@@ -245,10 +247,10 @@ def with_uncertainty_of_omega_h(
         for name in section.coordinate_names
     )
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))
-    share = HALF_WIDTH_FACTOR * omega_h.uncertainty / moved
+    relative_uncertainty = HALF_WIDTH_FACTOR * omega_h.uncertainty / moved
     widened = {"omega": Measured(cycle.omega.value, omega_h.uncertainty)}
-    for name in number_names(section):
+    for name in quantity_names(section):
         number: Measured = getattr(cycle, name)
         change = abs(fraction(numbers[name]) - number.value)
-        widened[name] = Measured(number.value, number.uncertainty + change * share)
+        widened[name] = Measured(number.value, number.uncertainty + change * relative_uncertainty)
     return replace(cycle, **widened)  # type: ignore[arg-type]

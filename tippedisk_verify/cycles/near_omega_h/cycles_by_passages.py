@@ -1,7 +1,7 @@
 """Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
 
 `saddle_passages` has the maps. This module chooses their sections, series and flights, and the
-number of speeds that they are interpolated from (`_ACCURACY`). Half-widths follow from the
+number of speeds that they are interpolated from (`_SETTINGS`). Half-widths follow from the
 differences to coarser settings, which round some four times as much. If the digits are not reached,
 or the maps do not exist, `cycles_by_integration` follows the flow itself.
 """
@@ -21,13 +21,13 @@ from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
     GlobalMap,
-    HalfMap,
-    PassageAccuracy,
+    PassageSettings,
+    SaddleToSaddleMap,
     half_period_matrix,
     integral_of_divergence,
-    to_section,
+    split_at_section,
 )
-from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
@@ -51,7 +51,7 @@ __all__ = [
 
 C = TypeVar("C", bound=Cycle)
 
-_ACCURACY = PassageAccuracy(
+_SETTINGS = PassageSettings(
     chart_order=20,
     chart_bands=5,
     section_ratio=0.10,
@@ -63,8 +63,8 @@ _ACCURACY = PassageAccuracy(
 # Settings with a larger truncation error. Their flights lie closer together, so that rounding
 # weighs some four times as much in the derivatives of u with respect to the speed and to sigma,
 # which matter most.
-_COARSER_ACCURACIES = tuple(
-    PassageAccuracy(
+_COARSER_SETTINGS = tuple(
+    PassageSettings(
         chart_order=17,
         chart_bands=4,
         section_ratio=section_ratio,
@@ -84,7 +84,7 @@ _DIFFERENCE_FACTOR = 8
 _ULPS = 2.0**-60  # relative; the maps' constants and logarithms are rounded alike with all settings
 _MAX_POWER = 20  # the largest power of the distance from Omega_h in any number of a cycle
 # An imaginary part, relative to the distance; its square is far below rounding
-_IMAGINARY = 2.0**-100
+_COMPLEX_STEP = 2.0**-100
 # 1 / the grid [rad/s] of the maps' origin, so that it does not depend on further digits of Omega_h.
 _ORIGIN_GRID = 2**72
 _CACHED_DISKS = 64  # disks in the cache
@@ -113,7 +113,7 @@ def cycle_by_passages(
     Args:
         section: Librating cycles lie above Omega_h, stable rotating ones below.
         parameters: The disk and its friction law.
-        speed_or_distance: The exact speed [rad/s].
+        speed_or_distance: The exact speed, or distance from Omega_h [rad/s].
         engine: The engine of the flights.
         digits: The digits of the period, the coordinates and beta_max.
         from_omega_h: If True, it is a distance from Omega_h, and the speed is as uncertain
@@ -135,8 +135,8 @@ def cycle_by_passages(
             return None
         origin = Fraction(round(zero.value * _ORIGIN_GRID), _ORIGIN_GRID)
         first, *others = (
-            _numbers(section, flights, distance)
-            for flights in _global_maps(parameters, origin, engine)
+            _numbers(section, global_map, distance)
+            for global_map in _global_maps(parameters, origin, engine)
         )
     except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
         return None
@@ -228,7 +228,7 @@ def rounded_up_digits(wanted: int) -> int:
 
 
 def _with_half_widths(
-    numbers: dict[str, Any], others: list[dict[str, Any]], share: Fraction
+    numbers: dict[str, Any], others: list[dict[str, Any]], relative_uncertainty: Fraction
 ) -> dict[str, Measured]:
     """Convert the numbers of a cycle to `Measured`, by name.
 
@@ -236,15 +236,17 @@ def _with_half_widths(
         numbers: The numbers with the first settings of sections, series and flights.
         others: The same numbers with other settings. The largest distance to them gives the
             half-width.
-        share: The relative uncertainty of the distance from Omega_h.
+        relative_uncertainty: The relative uncertainty of the distance from Omega_h.
     """
     measured = {}
     for name, number in numbers.items():
         largest_difference = max(abs(number - row[name]) for row in others)
         width = fraction(_DIFFERENCE_FACTOR * largest_difference + _ULPS * abs(number))
-        # A logarithm of the distance changes by more than itself where it is small.
+        # Where log(distance) is near 0, its change exceeds its size.
         size = max(abs(number), 1) if name.startswith(("period", "log")) else abs(number)
-        measured[name] = Measured(fraction(number), width + _MAX_POWER * fraction(size) * share)
+        measured[name] = Measured(
+            fraction(number), width + _MAX_POWER * fraction(size) * relative_uncertainty
+        )
     return measured
 
 
@@ -301,13 +303,13 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
             "the law of the period with its corrections needs a negative saddle value and 64 bits"
         )
     rows = []
-    for flights in _global_maps(
+    for global_map in _global_maps(
         parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine
     ):
-        unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
-        (by_omega, by_sigma), s = flights.slopes
-        nu, scale = -slow / unstable, flights.u_1 / -by_omega
-        constant = 2 * (EXTENDED.number(flights.duration) + numpy.log(scale) / unstable)
+        unstable, slow, _ = global_map.arriving.at(EXTENDED.number(0)).eigenvalues
+        (by_omega, by_sigma), s = global_map.leading_coefficients
+        nu, scale = -slow / unstable, global_map.u_1 / -by_omega
+        constant = 2 * (EXTENDED.number(global_map.duration) + numpy.log(scale) / unstable)
         coefficient = 2 * by_sigma * s / (unstable * by_omega * scale**nu)
         rows.append(
             {
@@ -334,8 +336,8 @@ def _global_maps(
     parameters: Parameters, omega_h: Fraction, engine: Engine
 ) -> tuple[GlobalMap, ...]:
     return tuple(
-        GlobalMap(parameters, omega_h, engine, accuracy)
-        for accuracy in (_ACCURACY, *_COARSER_ACCURACIES)
+        GlobalMap(parameters, omega_h, engine, settings)
+        for settings in (_SETTINGS, *_COARSER_SETTINGS)
     )
 
 
@@ -351,27 +353,29 @@ def monodromy_by_passages(
         distance: The distance of the speed from Omega_h [rad/s].
     """
     first, *others = (
-        _period_matrix(flights, distance)
-        for flights in _global_maps(parameters, origin, default_engine())
+        _period_matrix(global_map, distance)
+        for global_map in _global_maps(parameters, origin, default_engine())
     )
     largest_difference = numpy.max([abs(first - other) for other in others], axis=0)
-    share = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
-    return first, (_DIFFERENCE_FACTOR * largest_difference + share * abs(first)).astype(float)
+    relative_uncertainty = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
+    return first, (
+        _DIFFERENCE_FACTOR * largest_difference + relative_uncertainty * abs(first)
+    ).astype(float)
 
 
-def _period_matrix(flights: GlobalMap, distance: Fraction) -> Any:
+def _period_matrix(global_map: GlobalMap, distance: Fraction) -> Any:
     at = EXTENDED.number(distance)
-    half = HalfMap(flights, at, LIBRATING.symmetry_sign)
+    half = SaddleToSaddleMap(global_map, at, LIBRATING.symmetry_sign)
     sigma, multiplier, _ = half.fixed_point()
-    imaginary = abs(at) * _IMAGINARY
+    imaginary = abs(at) * _COMPLEX_STEP
     time_by_sigma = half(sigma + 1j * imaginary).time.imag / imaginary
-    _, rest = to_section(half(sigma).pieces, LIBRATING.zero_component)
+    _, rest = split_at_section(half(sigma).pieces, LIBRATING.zero_component)
     matrix = half_period_matrix(rest, multiplier, time_by_sigma)
     return matrix @ matrix
 
 
 def _numbers(
-    section: Section[Any], flights: GlobalMap, distance: Fraction
+    section: Section[Any], global_map: GlobalMap, distance: Fraction
 ) -> tuple[dict[str, Any], list[float]]:
     """Return the numbers of the limit cycle at a distance from Omega_h, by name, and the relative
     sizes of the iteration's steps.
@@ -380,18 +384,19 @@ def _numbers(
     complex-step derivatives: the speed has an imaginary part far below rounding. pi is subtracted
     from ``gamma_bar_0``, so that it keeps its digits.
     """
-    image = section.symmetry_sign
     at = EXTENDED.number(distance)
-    sigma, multiplier, sizes = HalfMap(flights, at, image).fixed_point()
-    imaginary = abs(at) * _IMAGINARY
-    moved = HalfMap(flights, at + 1j * imaginary, image)
+    sigma, multiplier, sizes = SaddleToSaddleMap(
+        global_map, at, section.symmetry_sign
+    ).fixed_point()
+    imaginary = abs(at) * _COMPLEX_STEP
+    moved = SaddleToSaddleMap(global_map, at + 1j * imaginary, section.symmetry_sign)
     sigma = sigma + (moved(sigma).sigma - sigma) / (1 - multiplier)
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
-    part, _ = to_section(pieces, section.zero_component)
-    near_saddle = part.image * part.chart.at(part.end)
+    part, _ = split_at_section(pieces, section.zero_component)
+    near_saddle = part.symmetry_sign * part.chart.at(part.end)
     point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
-    time = EXTENDED.number(flights.duration) + passage.time
+    time = EXTENDED.number(global_map.duration) + passage.time
     along = numpy.prod([moved.trivial_multiplier(piece) for piece in pieces])
     measures = {
         "beta_max": arrival[4].real,
@@ -399,7 +404,7 @@ def _numbers(
         "v_0": near_saddle[2].real,
         "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
     }
-    return numbers_from_map(
+    return quantities_from_map(
         section,
         [coordinate.real for coordinate in point],
         time.real,

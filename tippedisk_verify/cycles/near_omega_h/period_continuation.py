@@ -36,9 +36,9 @@ from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
 __all__ = [
-    "PeriodAsymptotics",
     "PeriodContinuation",
     "PeriodPoint",
+    "SpeedAsymptotics",
     "cycle_at_half_period",
     "cycles_of_rising_period",
     "limit_of_cycles",
@@ -97,7 +97,7 @@ def cycle_at_half_period(
         gamma_bar and v are scaled by their distances from the saddle, and the speed by its
         derivative with respect to T / 2. Raises NoSuchCycleError if the state leaves the well.
         """
-        gamma_bar, v, _ = iterate.ahead
+        gamma_bar, v, _ = iterate.next_point
         left, by_time = precision.pi - gamma_bar, iterate.image.slopes("time")[2]
         parts = iterate.step[0] / left, iterate.step[1] / v, iterate.step[2] / by_time
         largest = max(abs(float(part)) for part in parts)
@@ -114,12 +114,12 @@ def cycle_at_half_period(
         NoSuchCycleError(
             f"the iteration at fixed period has not converged after {_MAX_STEPS} steps"
         ),
-        small=1e-7 if precision == DOUBLE else 1e-10,
-        near=1e-3,
+        tolerance=1e-7 if precision == DOUBLE else 1e-10,
+        stall_tolerance=1e-3,
     )
     return_map = ReturnMap(LIBRATING, parameters, omega, engine, precision)
     found = newton(return_map, (gamma_bar, v), stop, size, fixed_quantity="time", time=duration)
-    return PeriodPoint(duration, *found.ahead, found.image.slopes("time")[:3], found.residuals)
+    return PeriodPoint(duration, *found.next_point, found.image.slopes("time")[:3], found.residuals)
 
 
 def cycles_of_rising_period(
@@ -193,7 +193,7 @@ def _predicted_speed(point: PeriodPoint, before: PeriodPoint, half_period: float
 
 
 # ---------------------------------------------------------------------------------------- the limit
-class PeriodAsymptotics:
+class SpeedAsymptotics:
     """The asymptotic law of the speed Omega(T) of librating cycles, with three terms that are
     fitted to two cycles.
 
@@ -279,10 +279,10 @@ class PeriodContinuation:
                 break
         self.points = points
         before, self.asymptotics = (
-            PeriodAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:])
+            SpeedAsymptotics(parameters, *pair, DOUBLE) for pair in pairwise(points[-3:])
         )
-        #: The last change of the limit [rad/s], or double's rounding; that of the present one is
-        #: smaller.
+        #: The last change of the estimated limit [rad/s], at least the rounding of a double. The
+        #: error of the present estimate is smaller.
         self.change = max(
             abs(self.asymptotics.omega_h - before.omega_h), self.asymptotics.omega_h / 2**50
         )
@@ -349,7 +349,7 @@ class PeriodContinuation:
             raise AccuracyError(
                 f"the family of limit cycles could not be followed to Omega_h: {fault}"
             ) from None
-        self.asymptotics = PeriodAsymptotics(self.parameters, self.latest, point, precision)
+        self.asymptotics = SpeedAsymptotics(self.parameters, self.latest, point, precision)
         self.change = abs(self.asymptotics.omega_h - omega_h)
         self.points.append(point)
         if len(self.points) > _MAX_CYCLES:

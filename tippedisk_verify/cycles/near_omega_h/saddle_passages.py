@@ -27,7 +27,7 @@ import numpy
 from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.connection.splitting import first_arrival
-from tippedisk_verify.cycles.shooting.section import EXTREME
+from tippedisk_verify.cycles.shooting.section import BETA_EXTREMUM
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import field
@@ -55,7 +55,7 @@ _SPLITTING_STEP = 1e-5  # the step of the splitting's derivative, relative to Om
 _SPEED_GRID = 2**30
 _MAX_STEPS = 30
 _SETTLED = 2.0**-60  # the last relative step of sigma, and of times next to a saddle
-_IMAGINARY = 2.0**-100  # a relative imaginary part; its square is far below rounding
+_COMPLEX_STEP = 2.0**-100  # a relative imaginary part; its square is far below rounding
 _ROUNDING_STEP = 2.0**-40  # a relative step below which only rounding keeps it from shrinking
 _DECAYED = 2.0**-60  # the largest fast coordinate at the end of a passage, in units of u_1
 
@@ -63,7 +63,7 @@ _DECAYED = 2.0**-60  # the largest fast coordinate at the end of a passage, in u
 _charts = lru_cache(maxsize=16)(ChartFamily)
 
 
-class PassageAccuracy(NamedTuple):
+class PassageSettings(NamedTuple):
     """The settings with which the map between the saddles (`GlobalMap`) is computed."""
 
     chart_order: int  #: the order of the charts
@@ -89,7 +89,9 @@ class ChartFlight(NamedTuple):
     chart: SaddleChart
     start: Any  #: (3,) the point (u, s, f)
     time: Any  #: [s]
-    image: int  #: -1 if the part is the point symmetry's image of the one in the chart, otherwise 1
+    symmetry_sign: (
+        int  #: -1 if the part is the point symmetry's image of the one in the chart, otherwise 1
+    )
 
     @property
     def end(self) -> Any:
@@ -115,40 +117,42 @@ class GlobalMap:
         parameters: The disk and its friction law.
         omega_h: Omega_h [rad/s].
         engine: The engine of the flights.
-        accuracy: The parameters of the computation.
+        settings: Orders, sections and starts.
 
     Raises:
         AccuracyError: If a flight fails.
     """
 
     def __init__(
-        self, parameters: Parameters, omega_h: Fraction, engine: Engine, accuracy: PassageAccuracy
+        self, parameters: Parameters, omega_h: Fraction, engine: Engine, settings: PassageSettings
     ) -> None:
-        self.parameters, self.accuracy = parameters, accuracy
+        self.parameters, self.settings = parameters, settings
         saddle = Saddle(parameters, omega_h, 80, 1)
         sides = [saddle.side(which) for which in (0, 1)]
         #: The charts where an orbit leaves a saddle and where it arrives at the next one.
         self.leaving, self.arriving = (
-            _charts(parameters, omega_h, side, accuracy.chart_order, accuracy.chart_bands)
+            _charts(parameters, omega_h, side, settings.chart_order, settings.chart_bands)
             for side in sides
         )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
-        self.u_1 = EXTENDED.type(accuracy.section_ratio * chart.radius(0))
+        self.u_1 = EXTENDED.type(settings.section_ratio * chart.radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
-            chart, accuracy.section_ratio * self.arriving.at(EXTENDED.number(0)).radius(1)
+            chart, settings.section_ratio * self.arriving.at(EXTENDED.number(0)).radius(1)
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
-        reach = accuracy.arrival_ratio * float(
+        reach = settings.arrival_ratio * float(
             2 * probe * fraction(abs(above[1] / (above[0] - below[0])))
         )
         # 64 bits hold the flights' speeds exactly: short distances from a double.
         offset = Fraction(float(omega_h)) - omega_h
-        on_manifold = [_rounded_distance(reach * x) + offset for x in _nodes(accuracy.speed_count)]
+        on_manifold = [
+            _rounded_distance(reach * x) + offset for x in _chebyshev_nodes(settings.speed_count)
+        ]
         off_manifold = [
-            _rounded_distance(accuracy.max_distance * x) + offset for x in _OFF_MANIFOLD_SPEEDS
+            _rounded_distance(settings.max_distance * x) + offset for x in _OFF_MANIFOLD_SPEEDS
         ]
         self._polynomials = self._fitted(on_manifold, off_manifold)
 
@@ -162,7 +166,7 @@ class GlobalMap:
         return polyval(distance, self._polynomials)
 
     @property
-    def slopes(self) -> tuple[tuple[Any, Any], Any]:
+    def leading_coefficients(self) -> tuple[tuple[Any, Any], Any]:
         """The first-order coefficients of this map from one saddle to the next, at Omega_h and
         sigma = 0.
 
@@ -217,15 +221,17 @@ class GlobalMap:
             duration=self.duration,
             precision=EXTENDED,
             divergence=True,
-            events=(EXTREME, GAMMA_TOP),
-            rounding=self.accuracy.rounding,
+            events=(BETA_EXTREMUM, GAMMA_TOP),
+            rounding=self.settings.rounding,
         )
         flight = self._engine(request)
         if flight.status is not Status.REACHED:
             raise AccuracyError(f"the unstable manifold: {flight.status.value}")
         beta, gamma, v = flight.state
         point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
-        extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
+        extreme = max(
+            abs(event.state[0]) for event in flight.events if event.name == BETA_EXTREMUM.name
+        )
         top = next(event.state for event in flight.events if event.name == GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
 
@@ -240,7 +246,7 @@ class GlobalMap:
         rounding there is dropped.
         """
         count, reach = len(distances), EXTENDED.number(max(distances))
-        largest = float(self.u_1) * self.accuracy.max_start_ratio
+        largest = float(self.u_1) * self.settings.max_start_ratio
         places = [(distance, 0.0) for distance in distances]
         places += [(distance, largest * x) for distance in off_manifold for x in _START_SIGMAS]
         powers = [(k, 0) for k in range(count)]
@@ -260,26 +266,29 @@ class GlobalMap:
         return coefficients
 
 
-class HalfMap:
+class SaddleToSaddleMap:
     """The map from the coordinate sigma of an orbit at one saddle's exit to that at the next one's.
 
     It belongs to one distance from Omega_h. Its fixed point is a limit cycle.
 
     Args:
-        flights: The global map.
+        global_map: The global map.
         distance: The distance from Omega_h [rad/s]; it may be complex.
-        image: -1 for librating cycles, which turn back at each saddle; 1 for rotating ones, which
-            pass.
+        symmetry_sign: -1 for librating cycles, which turn back at each saddle; 1 for rotating ones,
+            which pass.
     """
 
-    def __init__(self, flights: GlobalMap, distance: Any, image: int) -> None:
-        self.flights, self.image, self._distance = flights, image, distance
-        self._arrivals = flights.at(distance)
-        self.leaving, self.arriving = flights.leaving.at(distance), flights.arriving.at(distance)
-        parameters = flights.parameters
-        self._crosses = parameters.law.two_sided and flights.one_sided == (image == -1)
+    def __init__(self, global_map: GlobalMap, distance: Any, symmetry_sign: int) -> None:
+        self.global_map, self.symmetry_sign, self._distance = global_map, symmetry_sign, distance
+        self._arrivals = global_map.at(distance)
+        self.leaving, self.arriving = (
+            global_map.leaving.at(distance),
+            global_map.arriving.at(distance),
+        )
+        parameters = global_map.parameters
+        self._crosses = parameters.law.two_sided and global_map.one_sided == (symmetry_sign == -1)
         self._constants = parameters.at(EXTENDED)
-        self._omega = EXTENDED.number(flights._omega_h) + distance
+        self._omega = EXTENDED.number(global_map._omega_h) + distance
 
     def __call__(self, sigma: Any) -> LinearPassage:
         """Return the orbit that leaves one saddle at sigma, up to its exit from the next saddle.
@@ -292,19 +301,19 @@ class HalfMap:
         point, chart, pieces = arrival[:3], self.arriving, list[ChartFlight]()
         if self._crosses:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
-            pieces.append(_until(chart, point, self._sliding, gradient))
+            pieces.append(_flight_to_zero(chart, point, self._sliding, gradient))
             point, chart = (
-                self.leaving.coordinates(self.image * chart.at(pieces[0].end)),
+                self.leaving.coordinates(self.symmetry_sign * chart.at(pieces[0].end)),
                 self.leaving,
             )
         else:  # the linear law's chart is odd
-            point = self.image * point
+            point = self.symmetry_sign * point
         if not point[0].real > 0:
             raise ArithmeticError("the orbit leaves the saddle on the other side")
-        time = numpy.log(self.flights.u_1 / point[0]) / chart.eigenvalues[0]
-        pieces.append(ChartFlight(chart, point, time, self.image))
+        time = numpy.log(self.global_map.u_1 / point[0]) / chart.eigenvalues[0]
+        pieces.append(ChartFlight(chart, point, time, self.symmetry_sign))
         end = pieces[-1].end
-        if abs(end[2]) > _DECAYED * self.flights.u_1:
+        if abs(end[2]) > _DECAYED * self.global_map.u_1:
             raise ArithmeticError("the fast coordinate has not decayed when the passage ends")
         return LinearPassage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
 
@@ -321,7 +330,7 @@ class HalfMap:
             ArithmeticError: If Newton's iteration does not settle.
         """
         sigma, sizes = self._omega * 0, list[float]()
-        imaginary = abs(self._distance) * _IMAGINARY
+        imaginary = abs(self._distance) * _COMPLEX_STEP
         for _ in range(_MAX_STEPS):
             image = self(sigma + 1j * imaginary).sigma
             slope = image.imag / imaginary
@@ -343,7 +352,9 @@ class HalfMap:
         Args:
             piece: A piece of a passage.
         """
-        rates_of = field(ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction)
+        rates_of = field(
+            ANGLE_OPS, self._constants, self._omega, self.global_map.parameters.friction
+        )
         along = []
         for point in (piece.start, piece.end):
             rates = numpy.array(rates_of(*angles(piece.chart.at(point))))
@@ -356,7 +367,7 @@ class HalfMap:
         return along[1] / along[0]
 
 
-def to_section(
+def split_at_section(
     pieces: Sequence[ChartFlight], component: int
 ) -> tuple[ChartFlight, Sequence[ChartFlight]]:
     """Split an orbit's passage of a saddle in two, where a component of its offset y from the
@@ -375,11 +386,11 @@ def to_section(
     """
     gradient = numpy.eye(3)[component]
     for place, piece in enumerate(pieces):
-        part = _until(piece.chart, piece.start, lambda y: y[component], gradient)
+        part = _flight_to_zero(piece.chart, piece.start, lambda y: y[component], gradient)
         if part.time.real <= piece.time.real or place == len(pieces) - 1:
             break
     rest = piece._replace(start=part.end, time=piece.time - part.time)
-    return part._replace(image=piece.image), (rest, *pieces[place + 1 :])
+    return part._replace(symmetry_sign=piece.symmetry_sign), (rest, *pieces[place + 1 :])
 
 
 def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sigma: Any) -> Any:
@@ -401,7 +412,7 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
     ahead = first.chart.flow(slow, first.time)
     if first is not last:
-        turned = first.image * last.image * first.chart.slopes(first.end)
+        turned = first.symmetry_sign * last.symmetry_sign * first.chart.slopes(first.end)
         over = solve_linear(last.chart.slopes(last.start), turned)
         fast = first.chart.flow(solve_linear(over, fast[:, None])[:, 0], -first.time)
         ahead = last.chart.flow(over @ ahead, last.time)
@@ -416,7 +427,7 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     return solve_linear(basis.T, images.T).T
 
 
-def _until(
+def _flight_to_zero(
     chart: SaddleChart, start: Any, function: Callable[[Any], Any], gradient: Any
 ) -> ChartFlight:
     """Return the flight in a saddle's chart from a point to the zero of a function of the offset y.
@@ -462,7 +473,7 @@ def _determinant(rows: Any) -> Any:
     return rows[0] @ numpy.cross(rows[1], rows[2])
 
 
-def _nodes(count: int) -> Any:
+def _chebyshev_nodes(count: int) -> Any:
     """Return Chebyshev nodes between -1 and 1, in falling order."""
     return numpy.cos(numpy.pi * (numpy.arange(count) + 0.5) / count)
 

@@ -1,7 +1,7 @@
 """A cycle's numbers from its return map: period, Floquet multipliers, and slopes along the family.
 
-Each number has its formula in `numbers_from_map`. The numbers with half-widths are listed in
-`number_names`. `error_budget` has the half-widths.
+Each number has its formula in `quantities_from_map`. The numbers with half-widths are listed in
+`quantity_names`. `error_budget` has the half-widths.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy
 
 from tippedisk_verify.cycles.shooting.section import Section
 
-__all__ = ["number_names", "numbers_from_map"]
+__all__ = ["quantities_from_map", "quantity_names"]
 
 _MIN_MULTIPLIER = 2.0**-1022  # the least normal double
 
 
-def number_names(section: Section[Any]) -> tuple[str, ...]:
+def quantity_names(section: Section[Any]) -> tuple[str, ...]:
     """Return the names of all numbers of a cycle that have half-widths.
 
     Args:
@@ -29,13 +29,13 @@ def number_names(section: Section[Any]) -> tuple[str, ...]:
     return (
         "period",
         *section.coordinate_names,
-        *(measure.name for measure in section.event_quantities),
+        *(quantity.name for quantity in section.event_quantities),
         *multipliers,
         *by_omega,
     )
 
 
-def numbers_from_map(
+def quantities_from_map(
     section: Section[Any],
     point: Sequence[Any],
     time: Any,
@@ -79,7 +79,7 @@ def numbers_from_map(
         "period": laps * time,
         first: point[0],
         second: point[1],
-        **{measure.name: flight[measure.name] for measure in section.event_quantities},
+        **{quantity.name: flight[quantity.name] for quantity in section.event_quantities},
         "multiplier_slow": slow,
         "log_multiplier_slow": log_slow,
         # det of the flow over a period = slow * fast * 1 (trivial); Liouville gives its

@@ -32,9 +32,9 @@ from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, Iterate, StoppingRule, newton
-from tippedisk_verify.cycles.shooting.return_map import Image, ReturnMap
+from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.system import nudge
@@ -47,18 +47,19 @@ from tippedisk_verify.progress import report_share, subrange
 __all__ = [
     "EXTRA_DIGITS",
     "bound_lost_logarithms",
+    "cycle_beyond_double",
     "cycle_from_numbers",
     "cycle_in_precision",
     "cycle_to_digits",
     "iterate_until_rounding",
     "numbers_at",
     "numbers_in_precision",
-    "wider_cycle",
 ]
 
 C = TypeVar("C", bound=Cycle)
 
-# Digits usually lost to rounding and to the factor in the half-width.
+# The digits that rounding and the factor of the half-width usually take from the digits of an
+# arithmetic.
 _LOST_DIGITS = 3
 _DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
 #: The number of twins of a cycle in double, and the half-width in units of the spread. The spread
@@ -68,14 +69,14 @@ _DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rou
 #: one unit in the last place has twice the effect of rounding.
 TWINS = 5
 TWIN_FACTOR = 4
-#: The number of twins for the next wider arithmetic, whose error is not among the values whose
-#: spread measures it. With the cycle in double they give the same risk: the error exceeds
-#: TWIN_FACTOR times the spread, scaled to its arithmetic.
-TWINS_OF_WIDER = 8
+#: The number of twins if the cycle is computed in the next wider arithmetic. The spread is then
+#: that of the twins and the cycle in double, scaled to the wider arithmetic; the cycle itself is
+#: not among them. With this number the risk is that of `TWINS`.
+WIDER_TWINS = 8
 # A factor by which half-widths must stay below the digits wanted. Half-widths of the same cycle
 # differ by up to 1.6 from draw to draw. With this factor last bits do not decide which arithmetic
 # answers.
-_SAFETY_OF_CHOICE = 2
+_CHOICE_SAFETY_FACTOR = 2
 # The error of an iteration that no longer shrinks, in units of its step: the ratio of two steps is
 # at least 1/2.
 _STALLED_STEPS = 4
@@ -89,8 +90,9 @@ _MAX_CHORD_STEP = Fraction(1, 10)
 _MAX_NEWTON_STEPS = 20  # each doubles the digits
 # The share of a cycle's time that is spent on its first run, and the share of a run that is spent
 # on its chord steps. The rest is for derivatives.
-_BY_FIRST_RUN, _BY_CHORDS = 0.4, 0.6
-# The factor of shrinking at which an iteration falls onto the equilibrium, the trivial solution.
+_FIRST_RUN_SHARE, _CHORD_SHARE = 0.4, 0.6
+# An iterate that is smaller than the start by this factor is on its way to the equilibrium, the
+# trivial solution.
 _MAX_SHRINKAGE = 5
 
 
@@ -115,25 +117,25 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
             name: Measured.without_half_width(number, digits) for name, number in numbers.items()
         }
         return _cycle_from_fixed_point(fixed_point, unmeasured, precision)
-    draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
+    draws, doubles = _twins(fixed_point), list[dict[str, Any]]()
     wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
     for precision, twins in (
         (DOUBLE, TWINS),
-        (wider, TWINS_OF_WIDER),
-        (companion(wider), TWINS_OF_WIDER),
+        (wider, WIDER_TWINS),
+        (companion(wider), WIDER_TWINS),
     ):
         if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
             if (
                 cycle is not None
-                and _first_without_digits(cycle, wanted, _SAFETY_OF_CHOICE) is None
+                and _first_without_digits(cycle, wanted, _CHOICE_SAFETY_FACTOR) is None
             ):
                 return cycle
-    return wider_cycle(fixed_point, digits)
+    return cycle_beyond_double(fixed_point, digits)
 
 
-def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = EXTRA_DIGITS) -> C:
+def cycle_beyond_double(fixed_point: FixedPoint[C], digits: int, more: int = EXTRA_DIGITS) -> C:
     """Compute a limit cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
@@ -176,13 +178,13 @@ def cycle_in_precision(
         AccuracyError: If the iteration does not settle.
     """
     if precision == DOUBLE:
-        doubles = list(islice(_draws(fixed_point), 1 + TWINS))
+        doubles = list(islice(_twins(fixed_point), 1 + TWINS))
         return _cycle_from_fixed_point(
             fixed_point, half_widths_by_twins(doubles[0], doubles), precision
         )
-    with subrange(0, _BY_FIRST_RUN):
+    with subrange(0, _FIRST_RUN_SHARE):
         numbers, _, accurate_fixed_point = _solve_in_precision(fixed_point, precision)
-    with subrange(_BY_FIRST_RUN, 1):
+    with subrange(_FIRST_RUN_SHARE, 1):
         accurate, remaining_error, _ = _solve_in_precision(
             accurate_fixed_point, wider or companion(precision)
         )
@@ -271,7 +273,9 @@ def cycle_from_numbers(
     slow = measured["multiplier_slow"]
     certain = abs(abs(slow.value) - 1) > slow.uncertainty or not slow.is_measured
     stable = bool(abs(slow.value) < 1) if certain else None
-    return section.result(omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured))
+    return section.cycle_class(
+        omega=Measured(omega, Fraction(0)), stable=stable, **(others | measured)
+    )
 
 
 # -------------------------------------------------------------------------------------- the numbers
@@ -289,7 +293,10 @@ def numbers_in_precision(fixed_point: FixedPoint[C], precision: Precision) -> di
 
 
 def numbers_at(
-    return_map: ReturnMap[C], point: tuple[Any, Any], image: Image, rounding: int | None = None
+    return_map: ReturnMap[C],
+    point: tuple[Any, Any],
+    image: LinearizedReturn,
+    rounding: int | None = None,
 ) -> dict[str, Any]:
     """Return all numbers of the limit cycle through a fixed point of the return map, by name.
 
@@ -300,11 +307,11 @@ def numbers_at(
         rounding: The pattern by which last bits are moved; None for no move.
     """
     flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
-    return numbers_from_map(
+    return quantities_from_map(
         return_map.section,
         point,
         image.time,
-        image.matrix,
+        image.jacobian,
         (first, second, time),
         return_map.trivial_multiplier(point, image),
         return_map.event_quantities(flight) | {"divergence": flight.divergence},
@@ -312,7 +319,7 @@ def numbers_at(
     )
 
 
-def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
+def _twins(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
     """Yield the numbers of a limit cycle in double, then again and again with other last bits.
 
     The scatter of the repeated numbers shows the effect of rounding.
@@ -370,9 +377,9 @@ def half_widths_by_wider_run(
     """Return the numbers of a limit cycle with half-widths, by comparison with a run in wider
     arithmetic.
 
-    A half-width comes from the distance of the coarse number to the accurate one, and from the accurate
-    one's own error. The wider iteration leaves an error in the state; how far the other numbers
-    move with the state follows from the two runs.
+    A half-width comes from the distance of the coarse number to the accurate one, and from the
+    accurate one's own error. The wider iteration leaves an error in the state; how far the other
+    numbers move with the state follows from the two runs.
 
     Args:
         coarse: The numbers in ``precision``.
@@ -436,11 +443,13 @@ def _solve_in_precision(
     if precision == return_map.precision:
         return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
     return_map = return_map.within(precision)
-    point, standing = iterate_until_rounding(return_map, fixed_point)
+    point, stalled_step = iterate_until_rounding(return_map, fixed_point)
     image = return_map(point)
-    undecided = [_STALLED_STEPS * step for step in standing]
-    times = (fraction(abs(a)) * b for a, b in zip(image.time_by_state, undecided, strict=True))
-    remaining_error = dict(zip(return_map.section.coordinate_names, undecided, strict=True))
+    step_error_bounds = [_STALLED_STEPS * step for step in stalled_step]
+    times = (
+        fraction(abs(a)) * b for a, b in zip(image.time_by_state, step_error_bounds, strict=True)
+    )
+    remaining_error = dict(zip(return_map.section.coordinate_names, step_error_bounds, strict=True))
     remaining_error["period"] = return_map.section.flights_per_period * sum(times, Fraction(0))
     accurate_fixed_point = replace(fixed_point, return_map=return_map, point=point, image=image)
     return numbers_at(return_map, point, image), remaining_error, accurate_fixed_point
@@ -473,7 +482,7 @@ def iterate_until_rounding(
 
     def size(iterate: Iterate[C]) -> Fraction:
         is_finite = all(map(math.isfinite, map(float, iterate.step)))
-        if not is_finite or _length(iterate.ahead[:2]) < scale / _MAX_SHRINKAGE:
+        if not is_finite or _length(iterate.next_point[:2]) < scale / _MAX_SHRINKAGE:
             raise failure
         return _length(iterate.step[:2])
 
@@ -483,32 +492,32 @@ def iterate_until_rounding(
             raise failure
         if length > small:
             report_share(
-                _BY_CHORDS * decimal_magnitude(length / scale) / decimal_magnitude(small / scale)
+                _CHORD_SHARE * decimal_magnitude(length / scale) / decimal_magnitude(small / scale)
             )
         return length
 
     with suppress(AccuracyError, NoSuchCycleError):
         rows: Any = tuple(
-            tuple(precision.number(entry) for entry in row) for row in fixed_point.image.matrix
+            tuple(precision.number(entry) for entry in row) for row in fixed_point.image.jacobian
         )
-        chord = fixed_point.image._replace(matrix=rows, by_omega=(0, 0))
-        stop = StoppingRule(precision.bits // 8 + 8, failure, small=small, min_sizes=2)
+        chord = fixed_point.image._replace(jacobian=rows, by_omega=(0, 0))
+        stop = StoppingRule(precision.bits // 8 + 8, failure, tolerance=small, min_sizes=2)
         found = newton(return_map, point, stop, size_of_chord, chord=chord)
         if size(found) < small:
-            return found.ahead[:2], (Fraction(0), Fraction(0))
+            return found.next_point[:2], (Fraction(0), Fraction(0))
         point = found.point
     try:
         found = newton(
             return_map,
             point,
-            StoppingRule(_MAX_NEWTON_STEPS, failure, small=small, min_sizes=2),
+            StoppingRule(_MAX_NEWTON_STEPS, failure, tolerance=small, min_sizes=2),
             size,
         )
     except NoSuchCycleError:
         raise failure from None
     if size(found) < small:
-        return found.ahead[:2], (Fraction(0), Fraction(0))
-    return found.ahead[:2], (fraction(abs(found.step[0])), fraction(abs(found.step[1])))
+        return found.next_point[:2], (Fraction(0), Fraction(0))
+    return found.next_point[:2], (fraction(abs(found.step[0])), fraction(abs(found.step[1])))
 
 
 def _length(vector: Sequence[Any]) -> Fraction:

@@ -2,8 +2,8 @@
 
 Each caller brings its limits, the largest number of steps and the size at the end (`StoppingRule`).
 
-`return_map` has the steps. This module has the loop. It may be damped, and it takes its derivatives
-at each point or from a chord.
+`return_map` computes the steps, and this module has the loop. The loop may be damped. Its
+derivatives are those at each point, or those of one point for all steps (chord steps).
 """
 
 from __future__ import annotations
@@ -15,16 +15,16 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.shooting.return_map import FixedQuantity, Image, ReturnMap
+from tippedisk_verify.cycles.shooting.return_map import FixedQuantity, LinearizedReturn, ReturnMap
 from tippedisk_verify.errors import NoSuchCycleError
 
 __all__ = ["FixedPoint", "StoppingRule", "newton", "section_size"]
 
 C = TypeVar("C", bound=Cycle)
 
-# The least share of a Newton step. A damped iteration that would need less finds no smaller
+# The least factor of a Newton step. A damped iteration that would need less finds no smaller
 # residual.
-_MIN_SHARE = 1e-3
+_MIN_DAMPING = 1e-3
 # The size of a residual, relative to the start's, below which rounding may keep it from shrinking.
 _ROUNDING_RESIDUAL = 1e-10
 # The size of a point, relative to the start's, below which it is on its way to the equilibrium.
@@ -35,14 +35,14 @@ class StoppingRule:
     """The stopping rule of a Newton or chord iteration.
 
     The caller measures the size of a residual or of a step. The iteration has converged when a size
-    is below ``small``. It has also converged when a size below ``near`` is no longer half of the
-    one before, because then only rounding is left.
+    is below ``tolerance``. It has also converged when a size below ``stall_tolerance`` is no longer
+    half of the one before, because then only rounding is left.
 
     Args:
         max_sizes: The number of sizes after which ``failure`` is raised.
         failure: The error of an iteration that does not converge.
-        small: The size that ends the iteration at once.
-        near: The size below which an iteration that no longer shrinks has converged.
+        tolerance: The size that ends the iteration at once.
+        stall_tolerance: The size below which an iteration that no longer shrinks has converged.
         min_sizes: The number of sizes from which the second rule counts.
     """
 
@@ -51,13 +51,17 @@ class StoppingRule:
         max_sizes: int,
         failure: Exception,
         *,
-        small: Any,
-        near: Any = math.inf,
+        tolerance: Any,
+        stall_tolerance: Any = math.inf,
         min_sizes: int = 3,
     ) -> None:
         self.sizes: list[Any] = []
         self._max_sizes, self._failure = max_sizes, failure
-        self._small, self._near, self._min_sizes = small, near, min_sizes
+        self._tolerance, self._stall_tolerance, self._min_sizes = (
+            tolerance,
+            stall_tolerance,
+            min_sizes,
+        )
 
     def converged(self, size: Any) -> bool:
         """Record a size, and return True if the iteration has converged.
@@ -69,8 +73,9 @@ class StoppingRule:
             Exception: If the largest number of sizes is reached: the rule's ``failure``.
         """
         self.sizes.append(size)
-        if size < self._small or (
-            len(self.sizes) >= self._min_sizes and self.sizes[-2] / 2 <= size < self._near
+        if size < self._tolerance or (
+            len(self.sizes) >= self._min_sizes
+            and self.sizes[-2] / 2 <= size < self._stall_tolerance
         ):
             return True
         if len(self.sizes) == self._max_sizes:
@@ -86,7 +91,8 @@ class FixedPoint(Generic[C]):
 
     return_map: ReturnMap[C]
     point: tuple[Any, Any]  #: the coordinates on the section
-    image: Image  #: of the point, or of one that it has not left by more than the last step
+    #: the linearized return of the point, or of one that is closer to it than the last step
+    image: LinearizedReturn
     residuals: tuple[float, ...] = ()  #: the sizes seen by the stopping rule, step by step
 
 
@@ -97,7 +103,7 @@ class Iterate(FixedPoint[C]):
     step: tuple[Any, Any, Any] = (0, 0, 0)  #: the step of both coordinates and Omega
 
     @property
-    def ahead(self) -> tuple[Any, Any, Any]:
+    def next_point(self) -> tuple[Any, Any, Any]:
         """Both coordinates and Omega after this Newton step."""
         omega = self.return_map.precision.number(self.return_map.omega)
         return self.point[0] + self.step[0], self.point[1] + self.step[1], omega + self.step[2]
@@ -111,7 +117,7 @@ def newton(
     *,
     fixed_quantity: FixedQuantity = "speed",
     time: Any = None,
-    chord: Image | None = None,
+    chord: LinearizedReturn | None = None,
     damped: bool = False,
 ) -> Iterate[C]:
     """Iterate for a fixed point of a return map by Newton or chord steps, until a stopping rule is
@@ -157,7 +163,7 @@ def newton(
         if damped:
             iterate = _damped_point(iterate, iterate_at, scale)
         else:
-            x, y, omega = iterate.ahead
+            x, y, omega = iterate.next_point
             iterate = iterate_at(
                 return_map if fixed_quantity == "speed" else return_map.at_speed(omega), (x, y)
             )
@@ -180,11 +186,11 @@ def _damped_point(
     The step is halved again and again. Raises NoSuchCycleError if no such point is found, or the
     iteration falls onto the equilibrium.
     """
-    before, share = section_size(iterate.image.residual), 1.0
-    while share >= _MIN_SHARE:
+    before, damping = section_size(iterate.image.residual), 1.0
+    while damping >= _MIN_DAMPING:
         point = (
-            iterate.point[0] + share * iterate.step[0],
-            iterate.point[1] + share * iterate.step[1],
+            iterate.point[0] + damping * iterate.step[0],
+            iterate.point[1] + damping * iterate.step[1],
         )
         if not all(map(math.isfinite, point)):
             raise NoSuchCycleError(
@@ -195,10 +201,13 @@ def _damped_point(
                 "the shooting iteration falls onto the equilibrium: start closer to the cycle"
             )
         with suppress(NoSuchCycleError):
-            ahead = iterate_at(iterate.return_map, point)
-            if section_size(ahead.image.residual) < before or before < _ROUNDING_RESIDUAL * scale:
-                return ahead
-        share /= 2
+            next_point = iterate_at(iterate.return_map, point)
+            if (
+                section_size(next_point.image.residual) < before
+                or before < _ROUNDING_RESIDUAL * scale
+            ):
+                return next_point
+        damping /= 2
     raise NoSuchCycleError(
         "the shooting iteration does not reduce its residual: start closer to the cycle"
     )

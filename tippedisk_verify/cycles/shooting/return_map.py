@@ -26,7 +26,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
-__all__ = ["FixedQuantity", "Image", "ReturnMap"]
+__all__ = ["FixedQuantity", "LinearizedReturn", "ReturnMap"]
 
 C = TypeVar("C", bound=Cycle)
 
@@ -34,23 +34,24 @@ C = TypeVar("C", bound=Cycle)
 FixedQuantity = Literal["speed", "coordinate", "time"]
 
 _MAX_FLIGHT = 200.0  # s; half a period at Omega_h + 1e-280
-# The order of the power series of a saddle's branch. Flights start 2^(-bits / 6) from the saddle.
+# The order of the power series of a saddle's unstable manifold. Flights start 2^(-bits / 6) from
+# the saddle.
 _MANIFOLD_ORDER = 7
 _MAX_SECTION_MISS = 1.0  # rad; the section's copies are at least a quarter of a turn apart
 
 
-class Image(NamedTuple):
+class LinearizedReturn(NamedTuple):
     """The image of a point of the section under the return map P, with P's derivatives with respect
     to the coordinates and Omega.
     """
 
     time: Any  #: flight time [s]
     residual: tuple[Any, Any]  #: the coordinates after the map minus before
-    matrix: tuple[tuple[Any, Any], tuple[Any, Any]]  #: P'
+    jacobian: tuple[tuple[Any, Any], tuple[Any, Any]]  #: P'
     by_omega: tuple[Any, Any]  #: dP/dOmega
     time_by_state: tuple[Any, Any]  #: d(flight time)/d(coordinates)
     time_by_omega: Any
-    flow: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
+    flow_derivative: Any  #: d(beta, gamma, v)/d(beta, gamma, v, Omega) of the flow at fixed time
 
     def newton_step(
         self, fixed_quantity: FixedQuantity = "speed", required_change: Any = 0
@@ -106,7 +107,7 @@ class Image(NamedTuple):
         """The rows of the matrix (P' - 1 | dP/dOmega), the linear part of a Newton step's
         equations.
         """
-        (a, b), (c, d) = self.matrix
+        (a, b), (c, d) = self.jacobian
         return (a - 1, b, self.by_omega[0]), (c, d - 1, self.by_omega[1])
 
     def _fixed_quantity_row(self, fixed_quantity: FixedQuantity) -> tuple[Any, Any, Any]:
@@ -195,7 +196,7 @@ class ReturnMap(Generic[C]):
             raise NoSuchCycleError(section.no_return_message)
         return result
 
-    def __call__(self, point: Sequence[Any], rounding: int | None = None) -> Image:
+    def __call__(self, point: Sequence[Any], rounding: int | None = None) -> LinearizedReturn:
         """Return the image of a point under the return map, with derivatives by the variational
         equations.
 
@@ -208,7 +209,7 @@ class ReturnMap(Generic[C]):
         """
         return self.image(point, self.flight(point, rounding, variations=True))
 
-    def image(self, point: Sequence[Any], flight: Result) -> Image:
+    def image(self, point: Sequence[Any], flight: Result) -> LinearizedReturn:
         """Return the image of a point under the return map, with derivatives.
 
         Args:
@@ -219,11 +220,7 @@ class ReturnMap(Generic[C]):
         # Python's own floats: arithmetic on numpy's scalars takes longer
         if self.precision == DOUBLE:
             rows, end = rows.tolist(), end.tolist()
-        fixed, free, image = (
-            self.section.zero_component,
-            self.section.free_components,
-            self.section.symmetry_sign,
-        )
+        fixed, sign = self.section.zero_component, self.section.symmetry_sign
         arrival = [*end]
         arrival[fixed] = self._growth
         rates = self._rates(*arrival)
@@ -232,20 +229,20 @@ class ReturnMap(Generic[C]):
         times = [-entry / rates[fixed] for entry in rows[fixed]]
         first, second = (
             [
-                image * (entry + rates[axis] * moved)
+                sign * (entry + rates[axis] * moved)
                 for entry, moved in zip(rows[axis], times, strict=True)
             ]
-            for axis in free
+            for axis in self.section.free_components
         )
-        a, b = free
-        return Image(
+        a, b = self.section.free_components
+        return LinearizedReturn(
             time=flight.time,
             residual=self.residual(end, point),
-            matrix=((first[a], first[b]), (second[a], second[b])),
+            jacobian=((first[a], first[b]), (second[a], second[b])),
             by_omega=(first[3], second[3]),
             time_by_state=(times[a], times[b]),
             time_by_omega=times[3],
-            flow=rows,
+            flow_derivative=rows,
         )
 
     def residual(self, end: Sequence[Any], point: Sequence[Any]) -> tuple[Any, Any]:
@@ -255,8 +252,8 @@ class ReturnMap(Generic[C]):
             end: The state (3,) in which the flow arrives.
             point: Both coordinates of the start.
         """
-        (a, b), image = self.section.free_components, self.section.symmetry_sign
-        return image * end[a] - point[0], image * end[b] - point[1]
+        (a, b), sign = self.section.free_components, self.section.symmetry_sign
+        return sign * end[a] - point[0], sign * end[b] - point[1]
 
     def event_quantities(self, flight: Result) -> dict[str, Any]:
         """Return further numbers of a limit cycle by name, such as the largest lean, from a flight
@@ -266,7 +263,7 @@ class ReturnMap(Generic[C]):
             ((event.name, event.state) for event in flight.events), abs(0 * flight.time)
         )
 
-    def trivial_multiplier(self, point: Sequence[Any], image: Image) -> Any:
+    def trivial_multiplier(self, point: Sequence[Any], image: LinearizedReturn) -> Any:
         """Return the multiplier along the flow, 1 but for rounding.
 
         It is the Rayleigh quotient of the flow followed by the derivative of the symmetry, on the
@@ -278,27 +275,28 @@ class ReturnMap(Generic[C]):
         """
         rates = self._rates(*self._state(point))
         moved = (
-            sum(entry * rate for entry, rate in zip(row, rates, strict=False)) for row in image.flow
+            sum(entry * rate for entry, rate in zip(row, rates, strict=False))
+            for row in image.flow_derivative
         )
         along = sum(a * b for a, b in zip(moved, rates, strict=True))
         return self.section.symmetry_sign * along / sum(rate * rate for rate in rates)
 
-    def end_of_unstable_manifold(self) -> tuple[Any, Any]:
+    def unstable_manifold_crossing(self) -> tuple[Any, Any]:
         """Return the coordinates at which a saddle's unstable manifold meets the section.
 
-        The branch starts on its power series, so close to the saddle that truncation is below
-        rounding.
+        The flight starts on the power series of the manifold, so close to the saddle that
+        truncation is below rounding.
 
         Raises:
-            NoSuchCycleError: If the branch does not arrive.
+            NoSuchCycleError: If the flight does not arrive.
         """
         from tippedisk_verify.theory.saddle_manifolds import Saddle
 
         saddle = Saddle(
             self.parameters, fraction(self.omega), self.precision.bits + 16, _MANIFOLD_ORDER
         )
-        # A flight from the librating section starts next to the saddle at gamma_bar = pi: the
-        # other's image.
+        # A flight to the librating section starts next to the saddle at gamma_bar = pi, which is
+        # the image of the other saddle under the point symmetry.
         state = saddle.start_on_unstable_manifold(
             Fraction(1, 1 << (self.precision.bits // 6)), self.section.symmetry_sign
         )

@@ -22,12 +22,12 @@ from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.flow.contract import BETA_EXTREME, GAMMA_TOP, SECTION, Event, Variation
 
 __all__ = [
-    "BOTTOM",
-    "EXTREME",
+    "BETA_EXTREMUM",
     "FULL_ROTATION",
+    "GAMMA_BOTTOM",
     "LIBRATING",
-    "RETURNS",
     "ROTATING",
+    "SECTION_RETURN",
     "VARIATIONS",
     "EventQuantity",
     "Section",
@@ -36,13 +36,13 @@ __all__ = [
 C = TypeVar("C", bound=Cycle)
 
 #: The next crossing of beta = pi/2 by a flight that starts there with v < 0.
-RETURNS = Event("returns", SECTION.function, direction=-1)
+SECTION_RETURN = Event("returns", SECTION.function, direction=-1)
 #: gamma = pi/2 modulo 2 pi, passed upward: a turn of gamma is complete.
 FULL_ROTATION = Event("round", GAMMA_TOP.function, direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
-BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
+GAMMA_BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
 #: beta is extreme.
-EXTREME = Event("extreme", BETA_EXTREME.function, terminal=False)
+BETA_EXTREMUM = Event("extreme", BETA_EXTREME.function, terminal=False)
 #: The variables with respect to which flights are differentiated. beta is among them: with four
 #: variables heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
@@ -68,7 +68,7 @@ class Section(Generic[C]):
     """
 
     name: str
-    result: type[C]  #: the class of the cycle through a fixed point of the return map
+    cycle_class: type[C]  #: the class of the cycle through a fixed point of the return map
     crossing_sign: Literal[-1, 1]  #: the sign of the fixed component's rate where a flight starts
     end_event: Event  #: ends a flight
     rotations: int  #: the growth of the fixed component in a flight, in units of 2 pi
@@ -86,7 +86,7 @@ class Section(Generic[C]):
     @property
     def zero_component(self) -> int:
         """The index of the component of the state that is zero on the section."""
-        return self.result.zero_component
+        return self.cycle_class.zero_component
 
     @property
     def free_components(self) -> tuple[int, int]:
@@ -98,14 +98,14 @@ class Section(Generic[C]):
     @property
     def coordinate_names(self) -> tuple[str, str]:
         """The names of the two coordinates on the section."""
-        return self.result.coordinates
+        return self.cycle_class.coordinates
 
     @property
     def recorded_events(self) -> tuple[Event, ...]:
         """The events that a flight must record so that `quantities_at_events` can read the
         section's quantities from it.
         """
-        return tuple(dict.fromkeys(measure.event for measure in self.event_quantities))
+        return tuple(dict.fromkeys(quantity.event for quantity in self.event_quantities))
 
     @property
     def growth(self) -> tuple[float, float]:
@@ -122,26 +122,26 @@ class Section(Generic[C]):
             events: The (name, state) pairs of the ``recorded_events`` events of one flight.
             zero: The zero of the arithmetic.
         """
-        numbers = dict.fromkeys((measure.name for measure in self.event_quantities), zero)
+        numbers = dict.fromkeys((quantity.name for quantity in self.event_quantities), zero)
         for name, state in events:
-            for measure in self.event_quantities:
-                if measure.event.name == name:
-                    value = state[measure.component]
-                    numbers[measure.name] = (
-                        max(numbers[measure.name], abs(value)) if measure.largest else value
+            for quantity in self.event_quantities:
+                if quantity.event.name == name:
+                    value = state[quantity.component]
+                    numbers[quantity.name] = (
+                        max(numbers[quantity.name], abs(value)) if quantity.largest else value
                     )
         return numbers
 
 
-_BETA_MAX = EventQuantity("beta_max", EXTREME, 0, largest=True)
+_BETA_MAX = EventQuantity("beta_max", BETA_EXTREMUM, 0, largest=True)
 
 #: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma'
 #: vanishes.
 LIBRATING = Section(
     name="librating",
-    result=LimitCycle,
+    cycle_class=LimitCycle,
     crossing_sign=-1,
-    end_event=RETURNS,
+    end_event=SECTION_RETURN,
     rotations=0,
     symmetry_sign=-1,
     flights_per_period=2,
@@ -157,7 +157,7 @@ LIBRATING = Section(
 #: opposite the saddle, where gamma' is far from zero.
 ROTATING = Section(
     name="rotating",
-    result=RotatingCycle,
+    cycle_class=RotatingCycle,
     crossing_sign=1,
     end_event=FULL_ROTATION,
     rotations=1,
@@ -168,8 +168,8 @@ ROTATING = Section(
     no_return_message="gamma does not come round: the orbit turns back, or has not passed the saddle",
     event_quantities=(
         _BETA_MAX,
-        EventQuantity("beta_bar_0", BOTTOM, 0),
-        EventQuantity("v_0", BOTTOM, 2),
+        EventQuantity("beta_bar_0", GAMMA_BOTTOM, 0),
+        EventQuantity("v_0", GAMMA_BOTTOM, 2),
     ),
     saddle_scale=lambda point: 1.0,
 )

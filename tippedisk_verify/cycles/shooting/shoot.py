@@ -29,7 +29,7 @@ from tippedisk_verify.theory.one_harmonic_law import section_start
 
 __all__ = [
     "MAX_DISTANCE_FROM_LAW",
-    "NEWBORN_DISTANCE",
+    "NEAR_HOPF_DISTANCE",
     "LimitCycle",
     "amplitude_law_guess",
     "shoot",
@@ -41,7 +41,7 @@ C = TypeVar("C", bound=Cycle)
 #: A distance [rad/s] from the Hopf point. There the slow multiplier is some 1e-12 short of 1. The
 #: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
 #: law is nearer to the cycle than shooting.
-NEWBORN_DISTANCE = Fraction(1, 10**12)
+NEAR_HOPF_DISTANCE = Fraction(1, 10**12)
 _MAX_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.
@@ -78,7 +78,7 @@ def shoot(
     scale = section_size(point)
     failure = NoSuchCycleError(f"the shooting iteration has not converged after {_MAX_STEPS} steps")
     # The round-off of half a period is some hundred ulps of the state.
-    stop = StoppingRule(_MAX_STEPS, failure, small=1e-15 * scale, near=1e-12 * scale)
+    stop = StoppingRule(_MAX_STEPS, failure, tolerance=1e-15 * scale, stall_tolerance=1e-12 * scale)
     cycle = newton(
         return_map, point, stop, lambda iterate: section_size(iterate.image.residual), damped=True
     )
@@ -128,10 +128,10 @@ def shoot_limit_cycle(
     if fixed_point is None:
         if guess is None:
             from tippedisk_verify.cycles.collocation.collocation_cycles import (
-                approximate_cycle,  # loads collocation
+                collocation_guess,  # loads collocation
             )
 
-            guess = approximate_cycle(parameters, return_map.omega)
+            guess = collocation_guess(parameters, return_map.omega)
         fixed_point = shoot(return_map, guess)
     return (
         cycle_to_digits(fixed_point, digits)

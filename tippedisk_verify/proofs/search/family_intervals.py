@@ -75,7 +75,7 @@ Pool = Callable[[bool], AbstractContextManager[Executor | None]]
 def prove_family(
     parameters: Parameters,
     connected_at: Callable[[int], Fraction | None],
-    cycles_at: Callable[[list[Fraction] | None], list[KnownCycle]],
+    librating_cycles_at: Callable[[list[Fraction] | None], list[KnownCycle]],
     until: Fraction | None = None,
     pool: Pool = lambda several: nullcontext(),
     stage: Callable[[str], None] = lambda name: None,
@@ -87,8 +87,8 @@ def prove_family(
     Args:
         parameters: The disk.
         connected_at: Called with a number of digits; returns Omega_h [rad/s] or None.
-        cycles_at: Called with speeds [rad/s], or with None for speeds of its choice; returns
-            cycles, which serve as guesses.
+        librating_cycles_at: Called with speeds [rad/s], or with None for speeds of its choice;
+            returns cycles, which serve as guesses.
         until: The amplitude at which to end [rad].
         pool: Called with True if there are several intervals; returns the executor's context.
         stage: Called with the name of each stage.
@@ -116,7 +116,7 @@ def prove_family(
                 connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
         if connection is not None and connection.omega_h is not None:
             speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
-        known = cycles_at(speeds)
+        known = librating_cycles_at(speeds)
         if until is None and connection is not None:
             stage("the cycles next to the connection")
             near = _next_to(connection)
