@@ -77,8 +77,8 @@ def numbers_of(flight: Any) -> list[Any]:
     return [
         flight.time,
         *flight.image,
-        *flight.jacobian[0],
-        *flight.jacobian[1],
+        *flight.matrix[0],
+        *flight.matrix[1],
         *flight.by_omega,
         *flight.time_by_state,
         flight.time_by_omega,
@@ -193,7 +193,7 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
             derivatives=True,
         )
         here = flight(model(disk), *middle[:2])
-        columns = [*zip(*whole.jacobian, strict=True), whole.by_omega]
+        columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
         for k, (column, time_by) in enumerate(
             zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)
         ):
