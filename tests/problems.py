@@ -92,7 +92,7 @@ def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> Pap
 
     The state may be complex.
     """
-    c = parameters.within(mpmath.mp)
+    c = parameters.constants_in_context(mpmath.mp)
     r, e, m, A, Bbar = c.r, c.e, c.m, c.A, c.Bbar
     beta, gamma, v = state
     gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))

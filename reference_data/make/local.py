@@ -14,7 +14,7 @@ from tippedisk_verify.model.equations import field, terms
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.truths import (
     BITS,
@@ -61,12 +61,12 @@ def symbolic(case: Case, values: Values) -> Values:
 
 
 def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
-    precision = bits(ctx.prec)
+    precision = precision_of_bits(ctx.prec)
     function, names = _compiled(case.disk.friction, ctx.prec)
-    constants, number = case.disk.at(precision), precision.number
+    constants, number = case.disk.constants_in(precision), precision.number
     state = [case.inputs[name] for name in ("beta", "gamma", "v")]
     place = (quotient(ctx, value) for value in (case.inputs["Omega"], *state))
-    sliding = terms(ctx, case.disk.within(ctx), *place).sliding_velocity
+    sliding = terms(ctx, case.disk.constants_in_context(ctx), *place).sliding_velocity
     others = {"omega": number(case.inputs["Omega"]), "side": number(1 if sliding >= 0 else -1)}
     pars = [others[name] if name in others else getattr(constants, name) for name in names]
     # Compiled functions take heyoka's own arrays only.
@@ -124,8 +124,8 @@ def differences(case: Case, values: Values) -> Values:
     central differences with a step of 1e-32 in 120 digits, accurate to 60. g_1 is separated by
     evaluating M, h and f_G at three velocities.
     """
-    ctx = bits(400).context
-    c = case.disk.within(ctx)
+    ctx = precision_of_bits(400).context
+    c = case.disk.constants_in_context(ctx)
     omega, beta, gamma = (quotient(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
     step = ctx.mpf(10) ** -32
 

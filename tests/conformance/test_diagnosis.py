@@ -179,7 +179,7 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
     given = {}
     for answers in entries.values():
         inputs = next(iter(answers.values())).inputs
-        rates = field(np, PRINTED.at(DOUBLE), float(inputs["Omega"]), "linear")
+        rates = field(np, PRINTED.constants_in(DOUBLE), float(inputs["Omega"]), "linear")
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
         for _ in range(500):
             y = y + 1e-3 * np.array(rates(*y))

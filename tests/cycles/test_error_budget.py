@@ -22,7 +22,13 @@ from tippedisk_verify.cycles.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    QUADRUPLE,
+    companion,
+    precision_of_bits,
+)
 
 
 def beyond(twins: int, factor: float) -> float:
@@ -116,7 +122,7 @@ class LinearMap:
     truth = (Fraction(1, 3), Fraction(2, 7))
 
     def __init__(self, *slopes: str) -> None:
-        self.precision, self.omega, self.images = bits(200), 1, 0
+        self.precision, self.omega, self.images = precision_of_bits(200), 1, 0
         self._slopes = [self.precision.number(slope) for slope in slopes]
 
     def flight(self, point: Any, *, variations: bool) -> Any:

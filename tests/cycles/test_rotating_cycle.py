@@ -162,7 +162,7 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
     """
     cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
     assert cycle.beta_max < 1.5
-    constants = PRINTED.at(DOUBLE)
+    constants = PRINTED.constants_in(DOUBLE)
     rates = field(math, constants, omega, "linear")
     forces = [
         normal_force_over_weight(math, constants, omega, state, rates(*state)[2])

@@ -26,7 +26,7 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
@@ -161,7 +161,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
         {"parameters": PRINTED.with_friction("smooth")},
     ],
 )
-@pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
+@pytest.mark.parametrize("precision", [DOUBLE, precision_of_bits(100)])
 def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precision) -> None:
     """Start 1e-10 s before sin(beta) = 0, on the surface of a terminal event.
 

@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 
 _THREADS = 8
 
@@ -155,8 +155,8 @@ def test_scipy_engines_in_threads() -> None:
 
 def test_contexts_keep_their_precision() -> None:
     """Check while roots of polynomials raise their context's precision."""
-    _assert_as_alone([lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16)
-    assert bits(150).context.prec == 150
+    _assert_as_alone([lambda: str(precision_of_bits(150).context.polyroots([1, 2, 3, 4]))] * 16)
+    assert precision_of_bits(150).context.prec == 150
 
 
 def test_a_run_within_a_run_of_its_kind_is_refused() -> None:

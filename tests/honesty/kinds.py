@@ -38,7 +38,7 @@ from tippedisk_verify.flow.start import at_rest
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, precision_of_bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.questions import Case, ReferenceQuestion
 from tippedisk_verify.reference_values.truths import compute, compute_again
@@ -98,8 +98,8 @@ def slow_manifold_series(draw: Draw) -> Question:
         return vars(found) | {"right order": True, "place": (found.beta, found.gamma)}
 
     def truth(found: Any) -> Any:
-        ctx = bits(400).context
-        constants, speed = disk.within(ctx), quotient(ctx, omega)
+        ctx = precision_of_bits(400).context
+        constants, speed = disk.constants_in_context(ctx), quotient(ctx, omega)
         where = (found["place"], *slow_manifold.RESIDUAL_POINTS)
         place, *points = [[quotient(ctx, part) for part in point] for point in where]
         rows = [
@@ -176,7 +176,7 @@ def _flown(request: Request) -> Question:
             "alike": [record.name for record in run.events] == answer["names"]
         }
 
-    return Question(ask, truth, partial(truth, wide=bits(QUADRUPLE.bits + 90)))
+    return Question(ask, truth, partial(truth, wide=precision_of_bits(QUADRUPLE.bits + 90)))
 
 
 def _numbers_of(run: Any, error: Any) -> dict[str, Any]:

@@ -18,10 +18,10 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.friction import law_of
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 
 LAWS = ("linear", "smooth")
-CTX = bits(200).context
+CTX = precision_of_bits(200).context
 
 
 @pytest.mark.parametrize("friction", LAWS)
@@ -31,7 +31,7 @@ CTX = bits(200).context
 def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
     """Compare at 60 digits, of which cancelling sums may cost ten: no double may enter."""
     with mp.workdps(60):
-        c, speed = parameters.within(mp), quotient(mp, omega)
+        c, speed = parameters.constants_in_context(mp), quotient(mp, omega)
         beta, gamma, v = (quotient(mp, part) for part in state)
         beta = -beta if flip else beta
         mass = paper.mass_matrix(c.A, c.Bbar, c.m, c.r, c.e, beta, gamma)
@@ -73,7 +73,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
 )
 def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
     """Compare with central differences at 200 bits; half of the states have sin(beta) < 0."""
-    constants, speed = parameters.within(CTX), quotient(CTX, omega)
+    constants, speed = parameters.constants_in_context(CTX), quotient(CTX, omega)
     point = [quotient(CTX, part) for part in state]
     if flip:
         point[0] = -point[0]
@@ -107,7 +107,7 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
 def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
     state = (math.pi / 2, math.pi / 2, 0.0)
     both = [
-        numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state))
+        numpy.array(equations.jacobian(math, PRINTED.constants_in(DOUBLE), 30.4, friction)(*state))
         for friction in LAWS
     ]
     # Same formula up to the rounding of k = (mu g) / epsilon.
@@ -116,9 +116,11 @@ def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
 
 def test_arrays_and_shifted_angles_are_accepted() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
-    together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)
+    together = equations.field(numpy, PRINTED.constants_in(DOUBLE), 30.4, "smooth")(beta, gamma, v)
     half = mpmath.mp.mpf(mpmath.pi) / 2
-    shifted = equations.field(equations.shifted(mpmath), PRINTED.at(DOUBLE), 30.4, "smooth")
+    shifted = equations.field(
+        equations.shifted(mpmath), PRINTED.constants_in(DOUBLE), 30.4, "smooth"
+    )
     alone = shifted(beta[1, 0, 1] - half, gamma[1, 0, 1] - half, v[1, 0, 1])
     for rates, rate in zip(together, alone, strict=True):
         # Terms of 1e2 times the result

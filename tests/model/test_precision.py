@@ -21,12 +21,19 @@ from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,
-    bits,
     bits_for_digits,
     companion,
+    precision_of_bits,
 )
 
-ALL = (DOUBLE, EXTENDED, QUADRUPLE, bits(24), bits(200), bits(1000))
+ALL = (
+    DOUBLE,
+    EXTENDED,
+    QUADRUPLE,
+    precision_of_bits(24),
+    precision_of_bits(200),
+    precision_of_bits(1000),
+)
 decimal_texts = st.builds(
     lambda sign, digits, exponent: f"{sign}{digits}e{exponent}",
     st.sampled_from(["", "-"]),
@@ -65,7 +72,9 @@ def test_pi_is_rounded_once(precision) -> None:
 
 
 def test_sums_with_pi_round_correctly_even_under_cancellation() -> None:
-    near = Fraction(bits(300).mpf(bits(300).pi).man) / 2 ** (-bits(300).mpf(bits(300).pi).exp)
+    near = Fraction(precision_of_bits(300).mpf(precision_of_bits(300).pi).man) / 2 ** (
+        -precision_of_bits(300).mpf(precision_of_bits(300).pi).exp
+    )
     left_over = DOUBLE.number(Exact(-near, Fraction(1)))
     with mpmath.workprec(800):
         expected = float(+mpmath.pi - mpmath.mpf(near.numerator) / near.denominator)
@@ -150,12 +159,12 @@ def test_names_and_bounds() -> None:
         with pytest.raises(InputError):
             bits_for_digits(digits)
     with pytest.raises(InputError):
-        bits(1)
+        precision_of_bits(1)
 
 
 @pytest.mark.parametrize("count", [24, 53, 200])
 def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -> None:
-    precision = bits(count)
+    precision = precision_of_bits(count)
     ops = precision.ops
     for name in ("sin", "cos", "exp", "log", "sqrt"):
         for text in ("0.3", "7", "1e-20", "12345.678"):
@@ -176,7 +185,7 @@ def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -
 
 
 def test_large_exponents_are_exact_in_few_bits() -> None:
-    few, many = bits(24), bits(200)
+    few, many = precision_of_bits(24), precision_of_bits(200)
     for value in (Fraction(2) ** 20_000_001, Fraction(3, 2**20_000_001)):  # more than 24 bits hold
         assert fraction(few.number(value)) == fraction(many.number(value)) == value
 

@@ -35,7 +35,7 @@ class Orbits:
     def __init__(
         self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float
     ) -> None:
-        constants = parameters.at(DOUBLE)
+        constants = parameters.constants_in(DOUBLE)
         self.rate, self.slope = (
             f(shifted(math), constants, omega, "linear") for f in (field, jacobian)
         )

@@ -97,7 +97,7 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
 
     The numbers have mpmath's current precision.
     """
-    constants = parameters.within(mpmath.mp)
+    constants = parameters.constants_in_context(mpmath.mp)
     square, frequency_square = (
         f(parameters) for f in (omega_crit_squared, critical_frequency_squared)
     )

@@ -18,7 +18,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.model.results import Eigenvalue
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
@@ -41,10 +41,10 @@ from tippedisk_verify.theory.real_roots import real_roots, square_root
 @given(parameters=physical_parameters(), omega=decimals("1", "60"))
 def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
     """Derive it a second time: the general Jacobian at the equilibrium, in 200 bits."""
-    precision = bits(200)
+    precision = precision_of_bits(200)
     ctx = precision.context
-    constants = type(parameters.at(precision))(
-        *(precision.mpf(value) for value in parameters.at(precision))
+    constants = type(parameters.constants_in(precision))(
+        *(precision.mpf(value) for value in parameters.constants_in(precision))
     )
     state = [precision.mpf(precision.number(part)) for part in location(name)]
     rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(

@@ -109,7 +109,7 @@ def test_the_balances_are_projections(parameters, omega, frequency, amplitude) -
     The printed kappa_1 is the projection with the opposite sign of the terms of h with m e.
     """
     with mpmath.workdps(DIGITS):
-        c = parameters.within(mpmath.mp)
+        c = parameters.constants_in_context(mpmath.mp)
         speed, w, C = (quotient(mpmath.mp, number) for number in (omega, frequency, amplitude))
         reach = c.r + c.e
         for form in FORMS:
@@ -153,7 +153,7 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
         (sine, _), (cosine, _) = third_order(parameters, omega, frequency, form)
         return sine, cosine * frequency
 
-    c, base = parameters.within(mpmath.mp), omega**2
+    c, base = parameters.constants_in_context(mpmath.mp), omega**2
     (sine, cosine), (next_sine, next_cosine) = linear(base), linear(2 * base)
     sine_slope, cosine_slope = (next_sine - sine) / base, (next_cosine - cosine) / base
     birth = base - cosine / cosine_slope
@@ -174,7 +174,7 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
 )
 def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
     """Check both sides of Omega_crit; on one of them there is mostly no cycle, which is refused."""
-    rational, crit = parameters.rational(), omega_crit(parameters).value
+    rational, crit = parameters.rational_constants(), omega_crit(parameters).value
     with mpmath.workdps(DIGITS):
         for omega in (crit * (1 - share), crit * (1 + share)):
             law = derived_law(parameters, quotient(mpmath.mp, omega), form)

@@ -64,7 +64,7 @@ class Surface(NamedTuple):
     def at(cls, parameters: Parameters, omega: Any, beta: Any, gamma: Any) -> Surface:
         """In mpmath's precision. The square of the step is left out, below the last digit."""
         step = mpmath.mpc(0, mpmath.mpf(10) ** (-mpmath.mp.dps))
-        constants = parameters.within(mpmath.mp)
+        constants = parameters.constants_in_context(mpmath.mp)
         along_beta, along_gamma = (
             orders(mpmath.mp, constants, omega, *place, HIGHEST)
             for place in ((beta + step, gamma), (beta, gamma + step))
@@ -127,7 +127,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(
             )
         if law == "linear":
             for column, disk in enumerate(disks):
-                constants = disk.within(mpmath.mp)
+                constants = disk.constants_in_context(mpmath.mp)
                 stated = invariance_residuals(mpmath.mp, constants, speed, *place, HIGHEST)
                 for row, residual in zip(rows, stated, strict=True):
                     # Of 200 digits the smallest residual, 1e-100 of its terms, keeps a hundred.
@@ -212,8 +212,8 @@ def test_reduced_flow() -> None:
 
 
 def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
-    constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
-    free = PRINTED.changed(mu="1e-30").at(DOUBLE)
+    constants, point = PRINTED.constants_in(DOUBLE), (1.2, 0.3)
+    free = PRINTED.changed(mu="1e-30").constants_in(DOUBLE)
     with_friction, without = (
         equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free)
     )
@@ -224,7 +224,7 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
 def test_command() -> None:
     """Check at another point: h_0 is pure rolling, gamma_y = 0."""
     result = answer("slow-manifold --order 2 --beta 1.4 --gamma -2.5 --omega 30.4")
-    c = PRINTED.at(DOUBLE)
+    c = PRINTED.constants_in(DOUBLE)
     rolling = 30.4 * c.e * math.sin(1.4) * math.cos(-2.5) / (c.r + c.e * math.sin(-2.5))
     assert [float(h["value"]) for h in result["h"][:2]] == pytest.approx(
         [rolling, first_correction(math, c, 30.4, 1.4, -2.5)],

@@ -94,7 +94,7 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """
     import numpy
 
-    constants, smallest = audit.sets[name].at(DOUBLE), math.inf
+    constants, smallest = audit.sets[name].constants_in(DOUBLE), math.inf
     for panel in (audit.computed_scene(scene, name) for scene in "abcdef"):
         omega = float(panel.omega)
         for orbit in panel.orbits:

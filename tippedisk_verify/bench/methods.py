@@ -13,7 +13,7 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import field as vector_field
 from tippedisk_verify.model.equations import jacobian
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 __all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared"]
 
@@ -97,7 +97,7 @@ _PRECISIONS = {
     "double": DOUBLE,
     "extended": EXTENDED,
     "quadruple": QUADRUPLE,
-    "50 digits": bits(170),
+    "50 digits": precision_of_bits(170),
 }
 _DIGITS = (12, 14, 16, 18, 20, 22, 25)  # settings of the runs with half-widths
 
@@ -120,7 +120,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
     It shows the time that this package adds.
     """
     precision = _PRECISIONS[name]
-    constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
+    constants, omega = problem.parameters.constants_in(precision), precision.number(problem.omega)
     hy, state, rates = _in_symbols(
         problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction)
     )
@@ -160,7 +160,7 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
     """
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
-    constants = problem.parameters.at(DOUBLE)
+    constants = problem.parameters.constants_in(DOUBLE)
     return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 

@@ -112,7 +112,8 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
         "problem": problem.name,
         "friction": problem.friction,
         "parameters": {
-            name: float(value) for name, value in problem.parameters.rational()._asdict().items()
+            name: float(value)
+            for name, value in problem.parameters.rational_constants()._asdict().items()
         },
         "Omega": problem.omega,
         "tolerance": tolerance,

@@ -32,7 +32,7 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
         import numpy
         from sksundae.cvode import CVODE
 
-        constants = problem.parameters.at(DOUBLE)
+        constants = problem.parameters.constants_in(DOUBLE)
         rates = field(math, constants, problem.omega, problem.friction)
         slopes = jacobian(math, constants, problem.omega, problem.friction)
 
@@ -74,7 +74,7 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
         import diffrax
         import jax.numpy as jnp
 
-        rates = field(jnp, problem.parameters.at(DOUBLE), problem.omega, problem.friction)
+        rates = field(jnp, problem.parameters.constants_in(DOUBLE), problem.omega, problem.friction)
         term = diffrax.ODETerm(lambda t, y, args: jnp.stack(rates(y[0], y[1], y[2])))
         solver = getattr(diffrax, name)()
         controller = diffrax.PIDController(rtol=tolerance, atol=tolerance)

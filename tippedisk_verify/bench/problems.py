@@ -92,7 +92,9 @@ class Problem:
         """
         if language not in tuple(_SOURCES):  # a list cannot be a key
             raise InputError(f"no source in '{short_text(language)}': use {' or '.join(_SOURCES)}")
-        rates = field(_SourceExpression, self.parameters.at(DOUBLE), self.omega, self.friction)
+        rates = field(
+            _SourceExpression, self.parameters.constants_in(DOUBLE), self.omega, self.friction
+        )
         rows = rates(*(_SourceExpression(name) for name in ("beta", "gamma", "v")))
         return _SOURCES[language].format(*rows)
 

@@ -49,7 +49,7 @@ from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, raise_u
 from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
 
 __all__ = ["Truth", "compute_truth", "cut_at_returns", "has_error", "numbers_of"]
 
@@ -80,7 +80,11 @@ def compute_truth(problem: Problem, sharp: bool = True) -> Truth:
     Raises:
         ArithmeticError: If an integration fails.
     """
-    working = (bits(200), bits(266)) if sharp else (QUADRUPLE, bits(140))
+    working = (
+        (precision_of_bits(200), precision_of_bits(266))
+        if sharp
+        else (QUADRUPLE, precision_of_bits(140))
+    )
     samples, numbers = [], []
     for precision in working:
         request = problem.request(precision=precision, times=precision.array(problem.times))
@@ -179,7 +183,7 @@ def _passage(problem: Problem, state: Iterable[Any], precision: Precision) -> tu
     """Return the time [s] by which a state precedes the section, or v = 0, and the state there."""
     ops, place, shift = precision.ops, precision.array(list(state)), precision.number(0)
     omega = precision.number(problem.omega)
-    rates = field(ops, problem.parameters.at(precision), omega, problem.friction)
+    rates = field(ops, problem.parameters.constants_in(precision), omega, problem.friction)
     request = problem.request(precision=precision)
     for _ in range(_MAX_NEWTON_STEPS):
         beta, _, v = place

@@ -40,9 +40,9 @@ from tippedisk_verify.model.precision import (
     EXTENDED,
     QUADRUPLE,
     Precision,
-    bits,
     bits_for_digits,
     companion,
+    precision_of_bits,
 )
 from tippedisk_verify.progress import report_share
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -353,7 +353,7 @@ def _stages(wanted: int) -> list[Precision]:
         return [EXTENDED]
     stages: list[Precision] = []
     while wanted > QUADRUPLE.digits:
-        stages.append(bits(bits_for_digits(wanted)))
+        stages.append(precision_of_bits(bits_for_digits(wanted)))
         wanted = wanted // 2 + _GUARD_DIGITS
     return [QUADRUPLE, *stages[::-1]]
 

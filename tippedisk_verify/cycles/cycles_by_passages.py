@@ -38,7 +38,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion, precision_of_bits
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = [
@@ -137,7 +137,7 @@ def cycle_by_passages(
     measured = _measured(numbers, [row for row, _ in others], zero.uncertainty / abs(distance))
     if section is LIBRATING:
         gap = measured["gamma_bar_0"]
-        pi = fraction(bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
+        pi = fraction(precision_of_bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
         measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
     cycle = cycle_of(
         section,

@@ -41,7 +41,13 @@ from tippedisk_verify.flow.system import nudge
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    Precision,
+    bits_for_digits,
+    companion,
+    precision_of_bits,
+)
 from tippedisk_verify.progress import report_share, subrange
 
 __all__ = [
@@ -108,7 +114,9 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
     """
     if not half_widths:
         precision = (
-            DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + MORE_DIGITS))
+            DOUBLE
+            if digits <= _DOUBLE_DIGITS
+            else precision_of_bits(bits_for_digits(digits + MORE_DIGITS))
         )
         numbers = numbers_in_precision(fixed_point, precision)
         unmeasured = {
@@ -147,7 +155,7 @@ def wider_cycle(fixed_point: FixedPoint[C], digits: int, more: int = MORE_DIGITS
     """
     name: str | None = None
     for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
-        cycle = cycle_in_precision(fixed_point, bits(bits_for_digits(digits + extra)))
+        cycle = cycle_in_precision(fixed_point, precision_of_bits(bits_for_digits(digits + extra)))
         if (name := _first_lacking(cycle, digits)) is None:
             return cycle
     raise AccuracyError(

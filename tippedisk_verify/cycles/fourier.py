@@ -36,7 +36,7 @@ import numpy
 from tippedisk_verify.model.equations import field, jacobian, shifted
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits_for_digits, precision_of_bits
 
 __all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resample", "samples_for", "sizes"]
 
@@ -95,11 +95,15 @@ class Collocation:
     def __init__(
         self, parameters: Parameters, kind: CycleKind, count: int, digits: int | None = None
     ) -> None:
-        self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
+        self.ctx: Any = (
+            None if digits is None else precision_of_bits(bits_for_digits(digits)).context
+        )
         ctx = self.ctx
         self.parameters, self.kind, self.count = parameters, kind, count
         self.pi: Any = math.pi if ctx is None else ctx.pi
-        self.constants: Constants = parameters.at(DOUBLE) if ctx is None else parameters.within(ctx)
+        self.constants: Constants = (
+            parameters.constants_in(DOUBLE) if ctx is None else parameters.constants_in_context(ctx)
+        )
         functions: Any = numpy if ctx is None else _on_arrays(ctx)
         self.sin, self.cos = functions.sin, functions.cos
         self._ops = shifted(functions)
@@ -255,7 +259,7 @@ def _operators(kind: CycleKind, count: int, precision: int | None) -> tuple[Any,
     with k below n, odd for half a period and even for a whole one. Above double the matrices are
     whole numbers, in units of 2^-(precision + _EXTRA_BITS).
     """
-    ctx = None if precision is None else bits(precision).context
+    ctx = None if precision is None else precision_of_bits(precision).context
     pi, sin, zero = (math.pi, math.sin, 0.0) if ctx is None else (ctx.pi, ctx.sin, ctx.zero)
     halves = kind.value
     sines = [sin(pi * j / count) for j in range(count)]

@@ -140,7 +140,10 @@ class ReturnMap(Generic[C]):
         self.engine, self.precision = engine, precision
         self._omega = precision.number(omega)  # converted once, not at every start
         self._rates = field(
-            shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction
+            shifted(precision.ops),
+            parameters.constants_in(precision),
+            self._omega,
+            parameters.friction,
         )
         self._growth = precision.number(0) + 2 * section.rotations * precision.pi
         # The start lies past the section by far less than rounding. If the section's function were

@@ -274,7 +274,7 @@ class HalfMap:
         self.leaving, self.arriving = flights.leaving.at(distance), flights.arriving.at(distance)
         parameters = flights.parameters
         self._crosses = parameters.law.two_sided and flights.one_sided == (image == -1)
-        self._constants = parameters.at(EXTENDED)
+        self._constants = parameters.constants_in(EXTENDED)
         self._omega = EXTENDED.number(flights._omega_h) + distance
 
     def __call__(self, sigma: Any) -> LinearPassage:

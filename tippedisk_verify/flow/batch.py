@@ -66,7 +66,7 @@ def field_constants(parameters: Parameters) -> Array:
     Args:
         parameters: The disk and its friction law.
     """
-    constants = parameters.at(DOUBLE)
+    constants = parameters.constants_in(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.law)[1:]])
 
 

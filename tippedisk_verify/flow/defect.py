@@ -78,10 +78,12 @@ class Defect:
             len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         )
         ops, law = shifted(numpy) if request.shifted else numpy, request.law
-        self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
+        self._field = field(
+            ops, request.parameters.constants_in(wide), wide.number(request.omega), law
+        )
         places = lengths * self._places.astype(wide.type)
         self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))
-        setting = ops, request.parameters.at(DOUBLE), DOUBLE.number(request.omega), law
+        setting = ops, request.parameters.constants_in(DOUBLE), DOUBLE.number(request.omega), law
         in_doubles = self._nodes.astype(float)
         rows = [numpy.stack(row, axis=-1) for row in jacobian(*setting)(*in_doubles)]
         matrices = numpy.stack(rows, axis=-2)

@@ -232,7 +232,7 @@ class _RunWithError:
         self._request = request
         self._ops = shifted(numpy) if request.shifted else numpy
         self._constants, self._omega = (
-            request.parameters.at(self.wide),
+            request.parameters.constants_in(self.wide),
             self.wide.number(request.omega),
         )
         if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.max_matrix_bytes:
@@ -409,7 +409,7 @@ class _RunWithError:
 
     def _in_doubles(self, event: Event, states: Any) -> Any:
         """Return the values (k,) of an event's function at k states, in doubles."""
-        constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
+        constants, omega = self._request.parameters.constants_in(DOUBLE), float(self._omega)
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
 
     def check_missed(self, last: Any, result: Result) -> None:

@@ -55,7 +55,10 @@ class Start(NamedTuple):
         """
         number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
         state = [number(x) for x in request.state]
-        constants, forward = request.parameters.at(precision), number(request.duration) >= 0
+        constants, forward = (
+            request.parameters.constants_in(precision),
+            number(request.duration) >= 0,
+        )
         return cls(ops, constants, request.law, number(request.omega), state, bool(forward))
 
     def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
@@ -180,7 +183,7 @@ def start_surfaces(request: Request, start: Start) -> StartSurfaces:
         return NO_SURFACES
     in_doubles = start._replace(
         ops=shifted(math) if request.shifted else math,
-        constants=request.parameters.at(DOUBLE),
+        constants=request.parameters.constants_in(DOUBLE),
         omega=float(start.omega),
         state=[float(x) for x in start.state],
     )

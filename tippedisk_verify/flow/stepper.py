@@ -287,7 +287,7 @@ class CompiledStepper:
         duration, omega = number(request.duration), number(request.omega)
         if request.rounding is not None:
             *state, omega = nudge((*state, omega), request.rounding, self.precision)
-        constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
+        constants, forward = request.parameters.constants_in(self.precision), bool(duration >= 0)
         start = Start(self._ops, constants, request.law, omega, state, forward)
         self._grid = _grid_of(request, duration)
         sampled = request.times is not None and self._grid is None
@@ -328,7 +328,7 @@ class CompiledStepper:
             or request.parameters is not self._parameters
             or request.rounding is not None
         ):
-            constants = request.parameters.at(self.precision)
+            constants = request.parameters.constants_in(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
             if request.rounding is not None:

@@ -73,7 +73,7 @@ def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]
     Returns:
         A row for each input: its nonzero derivatives, by the name of the constant.
     """
-    c, one = parameters.rational(), Fraction(1)
+    c, one = parameters.rational_constants(), Fraction(1)
     table: dict[str, dict[Variation, Fraction]] = {
         "beta": {"beta": one},
         "gamma": {"gamma": one},

@@ -26,7 +26,7 @@ from tippedisk_verify.flow.stepper import CompiledStepper
 from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
 from tippedisk_verify.model.arrays import round_to_doubles
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, bits_for_digits, precision_of_bits
 
 __all__ = ["Taylor"]
 
@@ -140,7 +140,7 @@ class Taylor:
             return result._replace(series=None)
         refined = half_widths_from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
-            precision = bits(bits_for_digits(request.digits + 8))
+            precision = precision_of_bits(bits_for_digits(request.digits + 8))
             wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
             return self(wide)._replace(precision=precision)
         if refined is None:

@@ -115,7 +115,7 @@ class ArrayFunction:
 
     def __init__(self, made: Callable[..., Any], parameters: Parameters, omega: object) -> None:
         self._of, speed = (made, parameters, omega), DOUBLE.number(checked_speed(omega))
-        self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
+        self._function = made(numpy, parameters.constants_in(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
         """Return the field (3,) or its Jacobian (3, 3) at a state (3,).

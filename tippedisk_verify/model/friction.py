@@ -26,7 +26,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction, short_text
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 
 __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used", "law_of"]
 
@@ -291,8 +291,8 @@ def _taylor_coefficients(
     """
     finest = Fraction(parameters.epsilon)  # the force varies on the scale of epsilon
     spare = 64 + max(0, finest.denominator.bit_length() - finest.numerator.bit_length())
-    ctx = bits(working_bits + spare).context
-    c = parameters.within(ctx)
+    ctx = precision_of_bits(working_bits + spare).context
+    c = parameters.constants_in_context(ctx)
     terms = ctx.taylor(lambda x: -law.force(ctx, x, c) / c.m, 0, order)
     return tuple(
         Fraction(0) if power % 2 == 0 and not law.two_sided else fraction(terms[power])

@@ -10,7 +10,13 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.friction import FORCE_CONSTANTS, FrictionLaw, constants_used
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion, heyoka_types
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    companion,
+    heyoka_types,
+    precision_of_bits,
+)
 
 __all__ = ["refuse_unusable"]
 
@@ -71,8 +77,8 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
 
     Also refuse a force with a constant that is rounded to a double.
     """
-    ctx, wide = bits(_CHECK_BITS).context, companion(EXTENDED)
-    c, wide_c = parameters.within(ctx), parameters.at(wide)
+    ctx, wide = precision_of_bits(_CHECK_BITS).context, companion(EXTENDED)
+    c, wide_c = parameters.constants_in_context(ctx), parameters.constants_in(wide)
     velocities = [share * parameters.epsilon for share in _VELOCITIES]
     forward = [law.deceleration(ctx, quotient(ctx, x), c) for x in velocities]
     backward = [law.deceleration(ctx, -quotient(ctx, x), c) for x in velocities]
@@ -111,7 +117,7 @@ def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> 
     import numpy
     from numpy.polynomial import chebyshev
 
-    c, nodes = parameters.at(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
+    c, nodes = parameters.constants_in(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
     low, high = (math.log(share * c.traction / c.k) for share in _SCAN_RANGE)
     middles = numpy.arange(low, high, _LENGTH)[:, None]
     between = numpy.linspace(-1, 1, _PLACES)

@@ -181,7 +181,7 @@ class Parameters(Printable):
         """
         return self.B - self.m * self.e**2
 
-    def at(self, precision: Precision) -> Constants:
+    def constants_in(self, precision: Precision) -> Constants:
         """Return the disk's parameters as numbers of the arithmetic ``precision``, each rounded
         once.
 
@@ -193,20 +193,20 @@ class Parameters(Printable):
         constants = self._constants.get(precision)
         if constants is None:
             constants = self._constants[precision] = Constants(
-                *map(precision.number, self.rational())
+                *map(precision.number, self.rational_constants())
             )
         return constants
 
-    def within(self, ctx: Any) -> Constants:
+    def constants_in_context(self, ctx: Any) -> Constants:
         """Return the disk's parameters as numbers of an mpmath context.
 
         Args:
             ctx: The mpmath context.
         """
-        *rational, _ = self.rational()
+        *rational, _ = self.rational_constants()
         return Constants(*(quotient(ctx, value) for value in rational))._replace(pi=+ctx.pi)
 
-    def rational(self) -> Constants:
+    def rational_constants(self) -> Constants:
         """Return the disk's parameters as exact rationals, and pi as the exact number `PI`."""
         return Constants(
             *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),

@@ -38,13 +38,13 @@ __all__ = [
     "FUNCTIONS",
     "QUADRUPLE",
     "Precision",
-    "bits",
     "bits_for_digits",
     "checked_digits",
     "companion",
     "heyoka_types",
     "precision_named",
     "precision_of",
+    "precision_of_bits",
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
@@ -290,7 +290,7 @@ EXTENDED = Precision("extended", 64)
 QUADRUPLE = Precision("quadruple", 113)
 
 
-def bits(count: int) -> Precision:
+def precision_of_bits(count: int) -> Precision:
     """Return the arithmetic of MPFR numbers with ``count`` bits.
 
     Args:
@@ -317,7 +317,7 @@ def precision_named(name: str) -> Precision:
         ValueError: If there is no such arithmetic.
     """
     named = {precision.name: precision for precision in (DOUBLE, EXTENDED, QUADRUPLE)}
-    return named.get(name) or bits(int(name.removeprefix("real")))
+    return named.get(name) or precision_of_bits(int(name.removeprefix("real")))
 
 
 def precision_of(number: Any) -> Precision:
@@ -328,7 +328,9 @@ def precision_of(number: Any) -> Precision:
     """
     kinds = {"longdouble": EXTENDED, "real128": QUADRUPLE}
     return (
-        bits(number.prec) if hasattr(number, "prec") else kinds.get(type(number).__name__, DOUBLE)
+        precision_of_bits(number.prec)
+        if hasattr(number, "prec")
+        else kinds.get(type(number).__name__, DOUBLE)
     )
 
 
@@ -339,7 +341,7 @@ def bits_for_digits(digits: int) -> int:
         digits: The number of decimal digits.
 
     Raises:
-        InputError: If `bits` does not offer an arithmetic of that size.
+        InputError: If `precision_of_bits` does not offer an arithmetic of that size.
     """
     if not 1 <= digits <= _MAX_BITS / math.log2(10) - 1:
         raise InputError(f"an arithmetic of {short_text(digits)} digits is not offered")
@@ -382,8 +384,8 @@ def companion(precision: Precision) -> Precision:
     if precision.kind == "double" and _has_extended():
         return EXTENDED
     if precision.kind in ("double", "extended"):
-        return QUADRUPLE if hasattr(heyoka_types(), "real128") else bits(128)
-    return bits(precision.bits + 64)
+        return QUADRUPLE if hasattr(heyoka_types(), "real128") else precision_of_bits(128)
+    return precision_of_bits(precision.bits + 64)
 
 
 @lru_cache(maxsize=1)

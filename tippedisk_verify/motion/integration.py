@@ -36,10 +36,10 @@ from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
     Precision,
-    bits,
     bits_for_digits,
     checked_digits,
     companion,
+    precision_of_bits,
 )
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
@@ -95,7 +95,9 @@ class Motion:
         measured = half_widths and engine.measures_error
         corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
         precision = (
-            DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
+            DOUBLE
+            if corrected or digits <= PLAIN_DIGITS
+            else precision_of_bits(bits_for_digits(digits + 8))
         )
         times: Any = None
         self._times: Any = None  # exact, from time 0

@@ -27,7 +27,7 @@ from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted, ter
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
 from tippedisk_verify.reference_values.questions import (
     READINGS,
@@ -159,7 +159,8 @@ def evaluated_twice(
         kept: Bits of the values that may be taken as correct.
     """
     rough, sharp = (
-        evaluate(bits(working).context) for working in (narrow, narrow + WIDER_BITS - BITS)
+        evaluate(precision_of_bits(working).context)
+        for working in (narrow, narrow + WIDER_BITS - BITS)
     )
     return {
         name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept))
@@ -171,7 +172,10 @@ def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
     """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
     context.
     """
-    return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
+    return (
+        case.disk.constants_in_context(ctx),
+        *(quotient(ctx, case.inputs[name]) for name in names),
+    )
 
 
 def as_reference_value(
@@ -520,15 +524,21 @@ Plain = Callable[[Case, Values], Mapping[str, Any]]
 # orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 # 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {
-    "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _RELATIVE_STEP),
-    "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _RELATIVE_STEP),
+    "rhs": (
+        lambda case, values: _right_hand_side(case, precision_of_bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
+    "equilibrium": (
+        lambda case, values: _eigenvalues(case, precision_of_bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
     "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _RELATIVE_STEP),
     "harmonic-balance": (
-        lambda case, values: _one_harmonic_law(case, bits(BITS).context),
+        lambda case, values: _one_harmonic_law(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
     ),
     "slow-manifold": (
-        lambda case, values: _slow_manifold(case, bits(BITS).context),
+        lambda case, values: _slow_manifold(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
     ),
     "trajectory": (_moved_orbit, Fraction(1, 10**7)),

@@ -13,7 +13,7 @@ from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.precision import Precision, bits
+from tippedisk_verify.model.precision import Precision, precision_of_bits
 
 __all__ = [
     "TRUTH",
@@ -27,7 +27,7 @@ __all__ = [
     "double_digits_between",
 ]
 
-TRUTH = bits(200)  #: 60 digits, the precision of the true solution
+TRUTH = precision_of_bits(200)  #: 60 digits, the precision of the true solution
 _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 

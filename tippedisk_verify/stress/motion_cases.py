@@ -17,7 +17,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
 from tippedisk_verify.stress.case import (
     TRUTH,
     CaseOutcome,
@@ -222,7 +222,7 @@ def _stable_manifold() -> CaseOutcome:
         Request(
             PRINTED, omega, (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0), "12", domain="none"
         ),
-        bits(400),
+        precision_of_bits(400),
     )
 
 

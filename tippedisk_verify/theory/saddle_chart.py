@@ -349,7 +349,7 @@ def _invariant(
     law = parameters.law.near_zero(
         parameters, _WORKING_BITS, monomials.order, side, EXTENDED.number
     )
-    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, law, side)(*deviations)
+    rates = field(ANGLE_OPS, parameters.constants_in(EXTENDED), speeds, law, side)(*deviations)
     growth = eigenvalues @ monomials.powers.T
     tape.extend(0)
     for degree, of in enumerate(monomials.of_degree[1:], start=1):

@@ -38,7 +38,7 @@ from tippedisk_verify.model.equations import field, jacobian
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
 from tippedisk_verify.theory.power_series import Angle, PowerSeries, SeriesOps
 
@@ -71,13 +71,13 @@ class Saddle:
     @cached_property
     def context(self) -> Any:
         """The mpmath context of the numbers that belong to this saddle."""
-        return bits(self.working_bits).context
+        return precision_of_bits(self.working_bits).context
 
     @cached_property
     def constants(self) -> Constants:
         """The constants of the disk, as numbers of `context`."""
         ctx = self.context
-        return self.parameters.within(ctx)
+        return self.parameters.constants_in_context(ctx)
 
     @cached_property
     def speed(self) -> Any:

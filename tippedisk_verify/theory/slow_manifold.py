@@ -33,7 +33,7 @@ from tippedisk_verify.model.exact import exact, fraction, integer_between, quoti
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import bits_for_digits, checked_digits, precision_of_bits
 from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
@@ -377,7 +377,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
         """Return the speed at which the reduced flow's trace at inverted spinning is zero, by the
         secant method.
         """
-        ctx = bits(working_bits).context
+        ctx = precision_of_bits(working_bits).context
 
         def trace(speed: Any) -> Any:
             linearised = reduced_equilibrium(parameters, speed, "inverted", order, working_bits)
@@ -551,7 +551,7 @@ def _expansion(
 
 def _constants(parameters: Parameters) -> Constants:
     """Return the disk's parameters in the precision of gmpy2's present context."""
-    *rational, _ = parameters.rational()
+    *rational, _ = parameters.rational_constants()
     return Constants(*map(gmpy2.mpfr, rational))._replace(pi=gmpy2.const_pi())
 
 

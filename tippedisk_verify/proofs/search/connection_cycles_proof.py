@@ -366,7 +366,7 @@ class _EndSearch(ChoiceSearch):
         if a flight does not arrive.
         """
         assert self.connection.parameters is not None
-        constants = self.connection.parameters.at(DOUBLE)
+        constants = self.connection.parameters.constants_in(DOUBLE)
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()])
             for m in (n.saddle.directions, n.saddle.inverse)

@@ -300,7 +300,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
     row are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable
     and two real stable directions.
     """
-    found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
+    found = exact_polynomial(parameters.rational_constants(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
         raise NoConnectionError(

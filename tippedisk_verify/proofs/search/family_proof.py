@@ -63,7 +63,7 @@ class FamilyProof(Proof):
 
         Raises InputError for a disk without the closed forms' hypotheses.
         """
-        check_linearization(self.parameters.rational())
+        check_linearization(self.parameters.rational_constants())
         with working_precision(_BITS):
             return not curve_fault(parameter_texts(self.parameters), self.pieces)
 
