@@ -13,7 +13,7 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, precision_of_bits
@@ -98,7 +98,7 @@ class _Period:
         mpf, number, state = precision.mpf, precision.number, self.result.state
         #: Derivatives of (beta, gamma, v) at the end with respect to the start and Omega.
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
-        rates = field(
+        rates = vector_field(
             precision.ops, case.disk.constants_in(precision), number(omega), case.disk.friction
         )
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end

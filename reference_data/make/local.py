@@ -10,7 +10,7 @@ import numpy
 
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.equations import field, terms
+from tippedisk_verify.model.equations import equation_terms, vector_field
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
@@ -44,9 +44,9 @@ def _compiled(law: Any, working: int) -> Any:
     )
     par = dict(zip(names, (hy.par[n] for n in range(len(names))), strict=True))
     constants = Constants(**{name: par.get(name) for name in Constants._fields})
-    rate = field(hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ()))(
-        *state
-    )[2]
+    rate = vector_field(
+        hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ())
+    )(*state)[2]
     outputs = [rate, *(hy.diff(rate, variable) for variable in state)]
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
@@ -66,7 +66,7 @@ def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
     constants, number = case.disk.constants_in(precision), precision.number
     state = [case.inputs[name] for name in ("beta", "gamma", "v")]
     place = (quotient(ctx, value) for value in (case.inputs["Omega"], *state))
-    sliding = terms(ctx, case.disk.constants_in_context(ctx), *place).sliding_velocity
+    sliding = equation_terms(ctx, case.disk.constants_in_context(ctx), *place).sliding_velocity
     others = {"omega": number(case.inputs["Omega"]), "side": number(1 if sliding >= 0 else -1)}
     pars = [others[name] if name in others else getattr(constants, name) for name in names]
     # Compiled functions take heyoka's own arrays only.
@@ -134,7 +134,7 @@ def differences(case: Case, values: Values) -> Values:
 
     def inertial(v: int) -> Any:
         """Return (h + f_G) / M at a velocity."""
-        at_v = terms(ctx, c, omega, beta, gamma, ctx.mpf(v))
+        at_v = equation_terms(ctx, c, omega, beta, gamma, ctx.mpf(v))
         return (at_v.gyroscopic + at_v.gravity) / at_v.mass
 
     orders = at(beta, gamma)
@@ -163,7 +163,7 @@ def differences(case: Case, values: Values) -> Values:
             sum(c.epsilon**i * x[i] for i in range(n + 1)) for x in (orders, by_beta, by_gamma)
         )
         moved = slope_b * v - slope_g * drift
-        acceleration = field(ctx, c, omega, "linear")(beta, gamma, v)[2]
+        acceleration = vector_field(ctx, c, omega, "linear")(beta, gamma, v)[2]
         numbers[f"residual_{n}"] = c.epsilon * (moved - acceleration)
     return {
         name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in numbers.items()

@@ -47,7 +47,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
         grip = c.mu * c.m * c.g / c.epsilon * sum(map(abs, sliding))
         # 3 sin^2 - 2 cancels
         pull = sum(map(abs, gyroscopic)) + 2 * c.m * c.e * c.r * abs(speed * v) + abs(gravity)
-        terms = equations.terms(mp, c, speed, beta, gamma, v)
+        terms = equations.equation_terms(mp, c, speed, beta, gamma, v)
         expected: list[tuple[Any, Any, Any]] = [
             *zip(
                 (*terms[:-1], *terms.gyroscopic_terms),
@@ -57,7 +57,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
             ),
             (law_of(friction)(math, terms.sliding_velocity, c), force, grip),
         ]
-        vector_field = equations.field(mp, c, speed, friction)
+        vector_field = equations.vector_field(mp, c, speed, friction)
         acceleration = (pull + c.r * grip) / M
         expected += zip(vector_field(beta, gamma, v), rates, (v, speed, acceleration), strict=True)
         # The point symmetry reverses all rates.
@@ -77,12 +77,12 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
     point = [quotient(CTX, part) for part in state]
     if flip:
         point[0] = -point[0]
-    sliding = equations.terms(CTX, constants, speed, *point).sliding_velocity
+    sliding = equations.equation_terms(CTX, constants, speed, *point).sliding_velocity
     step = CTX.mpf(2) ** -60
     if abs(sliding) < step * 2**10:
         # A difference across gamma_y = 0 sees the jump of the smooth law's second derivative
         return
-    function = equations.field(CTX, constants, speed, friction)
+    function = equations.vector_field(CTX, constants, speed, friction)
     by_hand = equations.jacobian(CTX, constants, speed, friction)(*point)
     for column in range(3):
         up, down = list(point), list(point)
@@ -97,7 +97,7 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
     # The analytic branch of this side is the law itself, and the other one is not
     if friction == "smooth":
         side = 1 if sliding > 0 else -1
-        for made in (equations.field, equations.jacobian):
+        for made in (equations.vector_field, equations.jacobian):
             plain, mine, other = (
                 made(CTX, constants, speed, friction, s)(*point)[2] for s in (None, side, -side)
             )
@@ -116,10 +116,12 @@ def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
 
 def test_arrays_and_shifted_angles_are_accepted() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
-    together = equations.field(numpy, PRINTED.constants_in(DOUBLE), 30.4, "smooth")(beta, gamma, v)
+    together = equations.vector_field(numpy, PRINTED.constants_in(DOUBLE), 30.4, "smooth")(
+        beta, gamma, v
+    )
     half = mpmath.mp.mpf(mpmath.pi) / 2
-    shifted = equations.field(
-        equations.shifted(mpmath), PRINTED.constants_in(DOUBLE), 30.4, "smooth"
+    shifted = equations.vector_field(
+        equations.shifted_ops(mpmath), PRINTED.constants_in(DOUBLE), 30.4, "smooth"
     )
     alone = shifted(beta[1, 0, 1] - half, gamma[1, 0, 1] - half, v[1, 0, 1])
     for rates, rate in zip(together, alone, strict=True):

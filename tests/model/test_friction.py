@@ -18,7 +18,7 @@ from tests.friction_laws import ARCTAN, OWN_LAWS, STRIBECK, TANH
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
 
@@ -55,13 +55,13 @@ def test_a_law_is_one_function_in_every_arithmetic(law: FrictionLaw) -> None:
         assert law(ctx, -x, wide) == -force
         # A dozen operations of half a unit each, in numbers of the force's size.
         assert law(math, velocity, c) == pytest.approx(float(force), rel=16 * 2.0**-53)
-        slope, step = law.slope_at(ctx, x, wide), ctx.mpf(2) ** -60
+        slope, step = law.deceleration_slope(ctx, x, wide), ctx.mpf(2) ** -60
         difference = law.deceleration(ctx, x + step, wide) - law.deceleration(ctx, x - step, wide)
         # The second derivative jumps at zero, which a difference sees to first order in the step.
         assert abs(difference / (2 * step) - slope) < 2.0**-50 * abs(wide.k)
         for numbers in (DOUBLE, EXTENDED):
             array = numpy.array([velocity], dtype=numbers.type)
-            found = law.slope_at(numpy, array, disk.constants_in(numbers))
+            found = law.deceleration_slope(numpy, array, disk.constants_in(numbers))
             assert float(numpy.ravel(found)[0]) == pytest.approx(float(slope), rel=64 * 2.0**-53)
 
 
@@ -78,7 +78,7 @@ def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
             moved = [list(at), list(at)]
             moved[0][column] += step
             moved[1][column] -= step
-            ahead, behind = (field(ctx, c, omega, law)(*point) for point in moved)
+            ahead, behind = (vector_field(ctx, c, omega, law)(*point) for point in moved)
             for row, plus, minus in zip(rows, ahead, behind, strict=True):
                 # A central difference errs by the step squared times a third derivative, below 1e6.
                 assert abs((plus - minus) / (2 * step) - row[column]) < 1e7 * step**2

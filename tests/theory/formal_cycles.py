@@ -106,10 +106,10 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
     )
 
     def rates(speed: Series, state: list[Series]) -> list[Series]:
-        ops = equations.shifted(_Ops)
-        terms = equations.terms(ops, constants, speed, *state)
+        ops = equations.shifted_ops(_Ops)
+        terms = equations.equation_terms(ops, constants, speed, *state)
         friction = LAWS["linear"](None, terms.sliding_velocity, constants)
-        force = terms.gyroscopic + terms.gravity + terms.direction * friction
+        force = terms.gyroscopic + terms.gravity + terms.force_direction * friction
         return [state[2], -(speed * ops.cos(state[0])), force * terms.mass.reciprocal()]
 
     # A state of w alone leaves the cubic terms at w^3, so w |w|^2 shows how the linear ones change

@@ -51,7 +51,7 @@ def test_the_flow_is_linear_in_the_chart(law) -> None:
     """
     parameters = CALIBRATED.changed(friction=law)
     saddle = Saddle(parameters, ORIGIN, 80, 1)
-    families = [ChartFamily(parameters, ORIGIN, saddle.side(which), 20, 5) for which in (0, 1)]
+    families = [ChartFamily(parameters, ORIGIN, saddle.law_side(which), 20, 5) for which in (0, 1)]
     charts = [family.at(EXTENDED.number(DISTANCE)) for family in families]
     for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
         chart = charts[0] if point[0] > 1e-3 else charts[1]

@@ -10,7 +10,7 @@ from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
@@ -96,7 +96,7 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     Two of these are the noninverted states.
     """
     ctx = precision_of_bits(400).context
-    rates = field(
+    rates = vector_field(
         ctx, audit.sets[name].constants_in_context(ctx), ctx.mpf("30.4"), audit.parameters.friction
     )
     difference = ctx.mpf(0)

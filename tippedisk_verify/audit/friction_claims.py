@@ -11,7 +11,7 @@ from tippedisk_verify.cycles.cycle_at_speed import cycle_at
 from tippedisk_verify.cycles.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.shooting import LimitCycle
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import jacobian, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -78,7 +78,7 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     linear, smooth = (_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS)
     _, states = linear.orbit(200, engine=audit.engine)
     constants = parameters.constants_in(DOUBLE)
-    sliding = terms(numpy, constants, float(linear.omega), *states).sliding_velocity
+    sliding = equation_terms(numpy, constants, float(linear.omega), *states).sliding_velocity
     share = float(numpy.abs(sliding).max()) / constants.epsilon
     difference = abs(float(smooth.period.value / linear.period.value) - 1)
     certain = (

@@ -99,7 +99,7 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = equations.field(numpy, constants, omega, audit.parameters.friction)(
+            rate = equations.vector_field(numpy, constants, omega, audit.parameters.friction)(
                 beta, gamma, v
             )[2]
             forces = equations.normal_force_over_weight(numpy, constants, omega, state, rate)

@@ -17,7 +17,7 @@ from tippedisk_verify.audit.claims import (
     printed_word,
     rounds_to,
 )
-from tippedisk_verify.model.equations import jacobian, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -123,7 +123,7 @@ def _square_of_sine(audit: Audit, name: str) -> str:
     """Return the reading of the printed square for which gamma_y is the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
-    velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
+    velocity = equation_terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
     # The two readings differ by a tenth.
     readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}

@@ -7,7 +7,7 @@ from fractions import Fraction
 from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, printed_word
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
@@ -112,7 +112,7 @@ def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     state = [DOUBLE.number(exact(part)) for part in printed.strip("()").split(", ")]
     sin_beta = math.sin(state[0])
     # Rounding of the angles, times the field's derivatives of up to 1e4.
-    still = max(map(abs, field(math, constants, 30.4, "linear")(*state))) < 1e-11
+    still = max(map(abs, vector_field(math, constants, 30.4, "linear")(*state))) < 1e-11
     attracts = is_stable(
         Linearization(30.4 * sin_beta, *jacobian(math, constants, 30.4, "linear")(*state)[2])
     )

@@ -46,7 +46,7 @@ from tippedisk_verify.bench.problems import ErrorKind, Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, raise_unless_usable
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
@@ -183,7 +183,7 @@ def _passage(problem: Problem, state: Iterable[Any], precision: Precision) -> tu
     """Return the time [s] by which a state precedes the section, or v = 0, and the state there."""
     ops, place, shift = precision.ops, precision.array(list(state)), precision.number(0)
     omega = precision.number(problem.omega)
-    rates = field(ops, problem.parameters.constants_in(precision), omega, problem.friction)
+    rates = vector_field(ops, problem.parameters.constants_in(precision), omega, problem.friction)
     request = problem.request(precision=precision)
     for _ in range(_MAX_NEWTON_STEPS):
         beta, _, v = place

@@ -24,7 +24,7 @@ from tippedisk_verify.cycles.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.friction import LAWS
 
 __all__ = ["BatchCycles", "shoot_batch"]
@@ -292,7 +292,7 @@ def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
-    return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)
+    return numpy.stack(vector_field(shifted_ops(numpy), by_name, omegas, law)(*states.T), axis=1)
 
 
 def _inverse(matrices: Array) -> Any:

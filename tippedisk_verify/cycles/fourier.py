@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.exact import quotient
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits_for_digits, precision_of_bits
@@ -106,7 +106,7 @@ class Collocation:
         )
         functions: Any = numpy if ctx is None else _on_arrays(ctx)
         self.sin, self.cos = functions.sin, functions.cos
-        self._ops = shifted(functions)
+        self._ops = shifted_ops(functions)
         self.slope, integral = _operators(kind, count, None if ctx is None else ctx.prec)
         # gamma_bar is 0 at a rotating cycle's first sample, and has mean 0 on a librating cycle.
         self.integral = integral - kind.rotations * integral[0]
@@ -172,7 +172,9 @@ class Collocation:
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
-        rate = field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[2]
+        rate = vector_field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[
+            2
+        ]
         closing = omega * self._mean(self.sin(beta)) - self.kind.rotations * frequency
         return numpy.append(frequency * self.differentiated(v) - rate, closing)
 
@@ -227,7 +229,7 @@ class Collocation:
         by_beta, by_gamma, by_v = self.slopes(point)
         swing = gamma - self._growth
         curve = self.slope @ beta
-        stepped = field(
+        stepped = vector_field(
             self._ops, self.constants, complex(omega, _COMPLEX_STEP), self.parameters.law
         )
         rows = numpy.zeros((n + 1, n + 2))

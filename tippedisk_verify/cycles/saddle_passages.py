@@ -30,7 +30,7 @@ from tippedisk_verify.connection.splitting import first_arrival
 from tippedisk_verify.cycles.section import EXTREME
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
@@ -125,7 +125,7 @@ class GlobalMap:
     ) -> None:
         self.parameters, self.choice = parameters, choice
         saddle = Saddle(parameters, omega_h, 80, 1)
-        sides = [saddle.side(which) for which in (0, 1)]
+        sides = [saddle.law_side(which) for which in (0, 1)]
         #: The charts where an orbit leaves a saddle and where it arrives at the next one.
         self.leaving, self.arriving = (
             _charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides
@@ -339,7 +339,9 @@ class HalfMap:
         Args:
             piece: A piece of a passage.
         """
-        rates_of = field(ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction)
+        rates_of = vector_field(
+            ANGLE_OPS, self._constants, self._omega, self.flights.parameters.friction
+        )
         along = []
         for point in (piece.start, piece.end):
             rates = numpy.array(rates_of(*angles(piece.chart.at(point))))

@@ -29,7 +29,7 @@ from tippedisk_verify.flow.system import (
     parameter_names,
 )
 from tippedisk_verify.model.arrays import Array, to_double_array
-from tippedisk_verify.model.equations import shifted as _shifted
+from tippedisk_verify.model.equations import shifted_ops as _shifted
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods

@@ -31,7 +31,7 @@ from numpy.polynomial import legendre
 
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.stepper import Series
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
@@ -77,8 +77,8 @@ class Defect:
         self._leading = (
             len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         )
-        ops, law = shifted(numpy) if request.shifted else numpy, request.law
-        self._field = field(
+        ops, law = shifted_ops(numpy) if request.shifted else numpy, request.law
+        self._field = vector_field(
             ops, request.parameters.constants_in(wide), wide.number(request.omega), law
         )
         places = lengths * self._places.astype(wide.type)
@@ -96,7 +96,9 @@ class Defect:
         rates = self.rates(self._nodes)
         defect = numpy.moveaxis((rates - self._slopes).astype(float), 0, 2)
         # The rounding of the field in doubles, which exceeds its last place where terms cancel.
-        rounded = abs(numpy.stack(field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
+        rounded = (
+            abs(numpy.stack(vector_field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
+        )
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
         solved = self._solve_collocation(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]

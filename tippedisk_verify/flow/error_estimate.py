@@ -23,7 +23,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import ROUNDINGS
-from tippedisk_verify.model.equations import shifted
+from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
 
@@ -230,7 +230,7 @@ class _RunWithError:
     def __init__(self, request: Request, result: Result, method: _DefectMethod) -> None:
         self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
         self._request = request
-        self._ops = shifted(numpy) if request.shifted else numpy
+        self._ops = shifted_ops(numpy) if request.shifted else numpy
         self._constants, self._omega = (
             request.parameters.constants_in(self.wide),
             self.wide.number(request.omega),

@@ -30,7 +30,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.start import Start, at_rest
 from tippedisk_verify.flow.system import parameter_names
-from tippedisk_verify.model.equations import field, jacobian, shifted, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.precision import DOUBLE
@@ -148,11 +148,11 @@ class ScipyEngine:
             ]
             initial = numpy.concatenate((initial, numpy.ravel(identity)))
         else:
-            vector_field, slope = field(*law), jacobian(*law)
+            rhs, slope = vector_field(*law), jacobian(*law)
 
             def rates(t: float, y: Any) -> Any:
                 # Python floats: several times faster than numpy scalars
-                return vector_field(*y.tolist())
+                return rhs(*y.tolist())
 
             if self.method in _TAKES_JACOBIAN:
                 options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
@@ -260,7 +260,7 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
 
     The derivatives come from an imaginary step along each of the variations.
     """
-    step, ops = complex(0.0, _COMPLEX_STEP), shifted(cmath) if request.shifted else cmath
+    step, ops = complex(0.0, _COMPLEX_STEP), shifted_ops(cmath) if request.shifted else cmath
     constants, omega, law = start.constants, start.omega, start.law
     names = parameter_names(law)
     fields = []
@@ -276,12 +276,14 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
         )
         speed = omega + step if name == "Omega" else omega
         # The absolute value has no complex derivative; the sign of gamma_y replaces it.
-        fields.append({side: field(ops, moved, speed, law, side) for side in (1, -1)})
-    real_field = field(start.ops, constants, omega, law)
+        fields.append({side: vector_field(ops, moved, speed, law, side) for side in (1, -1)})
+    real_field = vector_field(start.ops, constants, omega, law)
 
     def rates(t: float, y: Any) -> Any:
         state, columns = y[:3].tolist(), y[3:].reshape(3, -1).T.tolist()
-        side = 1 if terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
+        side = (
+            1 if equation_terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
+        )
         changes = []
         for sides, column in zip(fields, columns, strict=True):
             varied = [x + step * variation for x, variation in zip(state, column, strict=True)]

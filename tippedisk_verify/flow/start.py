@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
-from tippedisk_verify.model.equations import Ops, field, shifted
+from tippedisk_verify.model.equations import Ops, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -53,7 +53,10 @@ class Start(NamedTuple):
             request: The run.
             precision: The arithmetic.
         """
-        number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
+        number, ops = (
+            precision.number,
+            shifted_ops(precision.ops) if request.shifted else precision.ops,
+        )
         state = [number(x) for x in request.state]
         constants, forward = (
             request.parameters.constants_in(precision),
@@ -78,7 +81,7 @@ class Start(NamedTuple):
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
         """
-        return field(self.ops, self.constants, self.omega, self.law)(*state)
+        return vector_field(self.ops, self.constants, self.omega, self.law)(*state)
 
     def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
         """Return the state that a motion reaches from a state after a short time, to second order.
@@ -182,7 +185,7 @@ def start_surfaces(request: Request, start: Start) -> StartSurfaces:
     if not on:
         return NO_SURFACES
     in_doubles = start._replace(
-        ops=shifted(math) if request.shifted else math,
+        ops=shifted_ops(math) if request.shifted else math,
         constants=request.parameters.constants_in(DOUBLE),
         omega=float(start.omega),
         state=[float(x) for x in start.state],

@@ -37,7 +37,7 @@ from tippedisk_verify.flow.system import (
     nudge,
     parameter_names,
 )
-from tippedisk_verify.model.equations import shifted
+from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -150,7 +150,7 @@ class CompiledStepper:
     ) -> None:
         self.precision = precision = request.precision
         number, two_sided = precision.number, request.law.two_sided
-        self._ops = shifted(precision.ops) if request.shifted else precision.ops
+        self._ops = shifted_ops(precision.ops) if request.shifted else precision.ops
         self._events, self._two_sided = events, two_sided
         self._divergence = request.divergence
         watched = [

@@ -20,7 +20,7 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.model.equations import STATE_NAMES, field, jacobian, shifted
+from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import Precision
@@ -134,13 +134,13 @@ def build_system(
         InputError: If the field does not have such a derivative, or the law cannot be compiled.
     """
     hy = heyoka_module()
-    ops = shifted(hy) if shift else hy
+    ops = shifted_ops(hy) if shift else hy
     state, names = hy.make_vars(*STATE_NAMES), parameter_names(law)
     pars = [hy.par[index] for index in range(len(names))]
     constants, omega = constants_of(pars, law), pars[0]
     side = hy.par[len(names)] if law.two_sided else None
     try:
-        rates = field(ops, constants, omega, law, side)(*state)
+        rates = vector_field(ops, constants, omega, law, side)(*state)
     except (AttributeError, TypeError) as fault:
         raise InputError(
             f"the friction law '{law}' cannot be compiled: {fault}; an absolute value needs "
@@ -152,7 +152,9 @@ def build_system(
         system.append((hy.make_vars("divergence"), slope))
     if law.has_guard:
         slip = SLIDING_REVERSAL.function(ops, constants, omega, *state)
-        system.append((hy.make_vars("guard"), law.guard(hy, ops.sin(state[0]) * slip, constants)))
+        system.append(
+            (hy.make_vars("guard"), law.guard_rate(hy, ops.sin(state[0]) * slip, constants))
+        )
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
         unknown = [name for name in variations if name not in variables]

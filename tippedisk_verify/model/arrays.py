@@ -105,7 +105,7 @@ class ArrayFunction:
     ``y`` is a state (3,) or states (3, k): beta, gamma [rad] and v [rad/s].
 
     Args:
-        made: `field` or `jacobian`.
+        made: `vector_field` or `jacobian`.
         parameters: The disk and its friction law.
         omega: The spinning speed [rad/s].
 

@@ -52,7 +52,7 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
         InputError: If the force cannot be computed or compiled, or a check fails.
     """
     problem = f"the friction law '{law}'"
-    if law.values != law.values_now():
+    if law.probe_forces != law.force_at_probes():
         raise InputError(f"{problem} has changed since it was made: make a new FrictionLaw")
     try:
         constants_used(law.force)  # raises AttributeError for others
@@ -92,7 +92,7 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
         for plus, minus in zip(forward, backward, strict=True)
     ):
         raise InputError(f"{problem} is not odd in the sliding velocity")
-    slope = law.slope_at(ctx, ctx.zero, c, 1)
+    slope = law.deceleration_slope(ctx, ctx.zero, c, 1)
     if not abs(slope - c.k) <= _SLOPE_TOLERANCE * slope:
         raise InputError(
             f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, which differs from "

@@ -23,7 +23,7 @@ from tippedisk_verify.cycles.shooting import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted, terms
+from tippedisk_verify.model.equations import STATE_NAMES, equation_terms, jacobian, shifted_ops
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -222,15 +222,15 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     With ``shift`` the calculation uses the angles minus pi/2.
     """
     c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
-    ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
+    ops, quarter = (shifted_ops(ctx), ctx.pi / 2) if shift else (ctx, 0)
     beta, gamma = beta - quarter, gamma - quarter
-    values = terms(ops, c, omega, beta, gamma, v)
+    values = equation_terms(ops, c, omega, beta, gamma, v)
     if case.item.friction == "both":
         return {
             "M": values.mass,
             "h": values.gyroscopic,
             "f_G": values.gravity,
-            "w_y": values.direction,
+            "w_y": values.force_direction,
             "gamma_y": values.sliding_velocity,
             "gamma_rate": -omega * ops.cos(beta),
         }
@@ -238,7 +238,8 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     slopes = jacobian(ops, c, omega, case.disk.friction)(beta, gamma, v)[2]
     return {
         "lambda_Ty": force,
-        "v_rate": (values.gyroscopic + values.gravity + values.direction * force) / values.mass,
+        "v_rate": (values.gyroscopic + values.gravity + values.force_direction * force)
+        / values.mass,
         **dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True)),
     }
 
@@ -248,7 +249,7 @@ def _optional(case: Case, ctx: Any) -> dict[str, Any]:
     h, by name.
     """
     c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
-    parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
+    parts = equation_terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
 
 

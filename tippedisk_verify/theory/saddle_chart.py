@@ -31,7 +31,7 @@ from typing import Any
 import numpy
 from numpy.polynomial.polynomial import polyval
 
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
@@ -310,7 +310,7 @@ class ChartFamily:
         eigenvalues = _extended(saddle.eigenvalues for saddle in saddles)
         directions, inverse = (
             _extended(getattr(saddle, name) for saddle in saddles).reshape(-1, 3, 3)
-            for name in ("directions", "inverse_directions")
+            for name in ("eigenvectors", "inverse_eigenvectors")
         )
         speeds = _extended([saddle.omega] for saddle in saddles)
         terms = _invariant(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
@@ -346,10 +346,12 @@ def _invariant(
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
     # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are
     # those of the tape.
-    law = parameters.law.near_zero(
+    law = parameters.law.taylor_polynomial(
         parameters, _WORKING_BITS, monomials.order, side, EXTENDED.number
     )
-    rates = field(ANGLE_OPS, parameters.constants_in(EXTENDED), speeds, law, side)(*deviations)
+    rates = vector_field(ANGLE_OPS, parameters.constants_in(EXTENDED), speeds, law, side)(
+        *deviations
+    )
     growth = eigenvalues @ monomials.powers.T
     tape.extend(0)
     for degree, of in enumerate(monomials.of_degree[1:], start=1):

@@ -34,7 +34,7 @@ from functools import cached_property, partial
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -103,7 +103,7 @@ class Saddle:
         return unstable, slow, fast
 
     @cached_property
-    def directions(self) -> Any:
+    def eigenvectors(self) -> Any:
         """The saddle's right eigenvectors in (beta, gamma, v), as columns in the eigenvalues'
         order.
 
@@ -123,11 +123,11 @@ class Saddle:
         return ctx.matrix(vectors).T
 
     @cached_property
-    def inverse_directions(self) -> Any:
+    def inverse_eigenvectors(self) -> Any:
         """The inverse of the matrix of eigenvectors: its rows give coordinates along the
         eigenvectors.
         """
-        return self.context.inverse(self.directions)
+        return self.context.inverse(self.eigenvectors)
 
     @cached_property
     def unstable_curve(self) -> list[PowerSeries]:
@@ -145,13 +145,13 @@ class Saddle:
         """
         return self._curve(1)
 
-    def start_on_unstable_manifold(self, distance: Fraction, side: int = 1) -> list[Fraction]:
+    def start_on_unstable_manifold(self, distance: Fraction, sign: int = 1) -> list[Fraction]:
         """Return a state on the unstable manifold next to the saddle at gamma_bar = -pi, from its
         power series.
 
         Args:
             distance: The curve's parameter s.
-            side: -1 takes the image of the point under the point symmetry, from the saddle at pi.
+            sign: -1 takes the image of the point under the point symmetry, from the saddle at pi.
 
         Returns:
             (beta_bar [rad], gamma_bar [rad], v [rad/s]).
@@ -159,32 +159,36 @@ class Saddle:
         beta, gamma, v = (
             component.at(quotient(self.context, distance)) for component in self.unstable_curve
         )
-        return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
+        return [sign * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
     def _curve(self, direction_index: int) -> list[PowerSeries]:
         ctx, eigenvalue = self.context, self.eigenvalues[direction_index]
-        curve = [[ctx.zero, self.directions[row, direction_index]] for row in range(3)]
+        curve = [[ctx.zero, self.eigenvectors[row, direction_index]] for row in range(3)]
         step = self._power_step
-        rates_of = field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
+        rates_of = vector_field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
             rates = rates_of(*self._state(curve))
-            column = self._solved([rate.c[power] for rate in rates], power * eigenvalue)
+            column = self._solve_homological_equation(
+                [rate.c[power] for rate in rates], power * eigenvalue
+            )
             for component, value in zip(curve, column, strict=True):
                 component[power] = value
         return [PowerSeries(component) for component in curve]
 
-    def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
+    def _solve_homological_equation(
+        self, rest: Sequence[Any], growth: Any, resonant: float = 0
+    ) -> Any:
         """Solve (growth - A) x = rest for x, where A is the linearisation at the saddle.
 
         Components of x along eigenvectors with a divisor below ``resonant`` are set to zero.
         """
-        along = self.inverse_directions * self.context.matrix(rest)
+        along = self.inverse_eigenvectors * self.context.matrix(rest)
         for k, eigenvalue in enumerate(self.eigenvalues):
             divisor = growth - eigenvalue
             along[k] = 0 if abs(divisor) < resonant else along[k] / divisor
-        return self.directions * along
+        return self.eigenvectors * along
 
     @property
     def _power_step(self) -> int:
@@ -201,12 +205,14 @@ class Saddle:
 
         ``direction_index`` is 0 for the unstable manifold and 1 for the slow stable one.
         """
-        parameters, side = self.parameters, self.side(direction_index)
+        parameters, side = self.parameters, self.law_side(direction_index)
         number = partial(quotient, self.context)
-        law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
+        law = parameters.law.taylor_polynomial(
+            parameters, self.working_bits, self.order, side, number
+        )
         return law, side
 
-    def side(self, direction_index: int) -> int | None:
+    def law_side(self, direction_index: int) -> int | None:
         """Return the sign of gamma_y along a manifold of the saddle (0: unstable, 1: slow stable),
         on the half that is used.
 
@@ -216,7 +222,7 @@ class Saddle:
             return None
         c, (_, gamma, v) = (
             self.constants,
-            (self.directions[row, direction_index] for row in range(3)),
+            (self.eigenvectors[row, direction_index] for row in range(3)),
         )
         # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of
         # gamma itself.
@@ -238,7 +244,7 @@ class Saddle:
         """The direction L(s) of the fast stable motion at each point of the slow stable curve, as
         power series that are even in s.
         """
-        return self._carried(2)
+        return self._transported_eigenvector(2)
 
     @cached_property
     def unstable_direction(self) -> list[PowerSeries]:
@@ -249,9 +255,9 @@ class Saddle:
         lambda_s = lambda_s, where the saddle value vanishes. There u grows like exp(lambda_u t)
         only up to a factor 1 + O(s^2).
         """
-        return self._carried(0)
+        return self._transported_eigenvector(0)
 
-    def _carried(self, direction_index: int) -> list[PowerSeries]:
+    def _transported_eigenvector(self, direction_index: int) -> list[PowerSeries]:
         """Return an eigenvector's direction at each point of the slow stable curve, carried along
         it by the flow, as power series.
 
@@ -262,7 +268,8 @@ class Saddle:
         entries = self._jacobian_on_stable_curve
         length = self.order + 1
         carried = [
-            [self.directions[row, direction_index]] + [ctx.zero] * (length - 1) for row in range(3)
+            [self.eigenvectors[row, direction_index]] + [ctx.zero] * (length - 1)
+            for row in range(3)
         ]
         step = self._power_step
         resonant = _MIN_DIVISOR * own if direction_index == 0 else 0
@@ -275,7 +282,7 @@ class Saddle:
                             entry.c[k] * component[power - k] for k in range(step, power + 1, step)
                         )
                         rest[row] += sum(terms, ctx.zero)
-            vector = self._solved(rest, own + power * slow, resonant)
+            vector = self._solve_homological_equation(rest, own + power * slow, resonant)
             for component, value in zip(carried, vector, strict=True):
                 component[power] = value
         return [PowerSeries(component) for component in carried]
@@ -335,7 +342,7 @@ class Saddle:
                     )
                 ]
             )
-            step = self.inverse_directions * residual
+            step = self.inverse_eigenvectors * residual
             u, s, t = u + step[0], s + step[1], t + step[2]
             if max(map(abs, step)) <= 16 * ctx.eps * size:
                 return u, s, t

@@ -28,7 +28,7 @@ from typing import Any, NamedTuple
 import gmpy2
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.equations import Ops, checked_speed, terms
+from tippedisk_verify.model.equations import Ops, checked_speed, equation_terms
 from tippedisk_verify.model.exact import exact, fraction, integer_between, quotient, short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
@@ -107,11 +107,16 @@ def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamm
     by_gamma = (
         -constants.e * omega * sin_b * (sin_g / rho + constants.e * cos_g * cos_g / (rho * rho))
     )
-    parts = terms(ops, constants, omega, beta, gamma, rolling)
+    parts = equation_terms(ops, constants, omega, beta, gamma, rolling)
     inertial = (parts.gyroscopic + parts.gravity) / parts.mass  # g_1, Eq. per_g1
     # d(g_0)/d(v)
     rate = (
-        -constants.mu * constants.m * constants.g * parts.direction * parts.direction / parts.mass
+        -constants.mu
+        * constants.m
+        * constants.g
+        * parts.force_direction
+        * parts.force_direction
+        / parts.mass
     )
     return (by_beta * rolling - by_gamma * omega * cos_b - inertial) / rate
 
@@ -141,12 +146,12 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
     Args:
         ops, constants, beta, gamma: As for `critical_manifold`.
     """
-    parts = terms(ops, constants, 0, beta, gamma, 0)
+    parts = equation_terms(ops, constants, 0, beta, gamma, 0)
     return (
         -constants.mu
         * constants.m
         * constants.g
-        * parts.direction**2
+        * parts.force_direction**2
         / parts.mass
         / constants.epsilon
     )

@@ -371,7 +371,7 @@ class _EndSearch(ChoiceSearch):
             np.array([[float(x) for x in row] for row in m.tolist()])
             for m in (n.saddle.directions, n.saddle.inverse)
         )
-        rates = equations.field(equations.shifted(np), constants, speeds, "linear")
+        rates = equations.vector_field(equations.shifted_ops(np), constants, speeds, "linear")
         u, s, _ = map(float, n.extents)
         turn = np.array([[0.0], [math.pi], [0.0]])
         x = to_y @ np.array([np.full(len(slow), u), slow, 0 * slow]) - turn
