@@ -11,13 +11,15 @@ from tippedisk_verify.cycles.family import batch_solver
 from tippedisk_verify.cycles.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.librating_family import LibratingFamily
 from tippedisk_verify.cycles.section import LIBRATING
-from tippedisk_verify.flow import default_lanes
+from tippedisk_verify.flow import default_batch_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.theory.hopf import hopf_point
 
 
 def followed(parameters: Parameters, taylor) -> LibratingFamily:
-    return LibratingFamily(parameters, taylor, batch_solver(LIBRATING, parameters, default_lanes()))
+    return LibratingFamily(
+        parameters, taylor, batch_solver(LIBRATING, parameters, default_batch_engine())
+    )
 
 
 def test_the_papers_801_cycles(taylor) -> None:
@@ -39,7 +41,9 @@ def test_cycles_are_sharp_and_meet_the_hopf_point(taylor) -> None:
     branch = followed(PRINTED, taylor)
     below = 0.0008
     omegas = numpy.linspace(branch.limit + below, branch.omega_crit - below, 500)
-    cycles = [cycle for (cycle,) in FamilyInterpolant(branch, default_lanes()).results(omegas, 0)]
+    cycles = [
+        cycle for (cycle,) in FamilyInterpolant(branch, default_batch_engine()).results(omegas, 0)
+    ]
     widths = [float(cycle.period.uncertainty) for cycle in cycles]
     # At the last speed 1 - mu_slow is 3e-4, which the residual of some 1e-14 is divided by; a
     # half-width is some ten errors. In the middle 1 - mu_slow is 0.1 and more.
@@ -59,7 +63,7 @@ def test_speeds_whose_cycles_doubles_do_not_hold_are_left_out(taylor) -> None:
     branch = followed(PRINTED.changed(A="0.229e-3"), taylor)
     fold = branch.guess(branch.folds[0]).omega
     speeds = [fold + 0.1, fold, 30.9, branch.limit + 1e-9, branch.limit - 0.1]
-    by_speed = FamilyInterpolant(branch, default_lanes()).results(speeds, 0)
+    by_speed = FamilyInterpolant(branch, default_batch_engine()).results(speeds, 0)
     assert [some and [cycle.stable for cycle in some] for some in by_speed] == [
         None,
         None,

@@ -10,7 +10,7 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.flow import switching
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.exact import exact
@@ -28,7 +28,7 @@ def test_a_start_on_the_surface(taylor) -> None:
     The references are quadruple precision, lanes and SciPy. From the last start gamma_y is 0 again
     15 microseconds later.
     """
-    lanes, constants = BatchTaylor(), field_constants(PRINTED.with_friction("smooth"))
+    lanes, constants = BatchTaylor(), equation_constants(PRINTED.with_friction("smooth"))
     c = PRINTED.constants_in(DOUBLE)
     roundings = 40 * 2.0**-52 * 10  # forty, of states of size 1 to 5, grown by less than ten
     for beta, gamma in ((1.4, 0.3), (1.4, 2.0), (1.4, 4.0), (1.2, 2.4963702)):
@@ -182,7 +182,7 @@ def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> Non
     disk = PRINTED.with_friction("smooth")
     speeds, durations = numpy.full(60, 30.4), numpy.full(60, 4.0)
     found = BatchTaylor()(
-        field_constants(disk),
+        equation_constants(disk),
         speeds,
         starts,
         durations,

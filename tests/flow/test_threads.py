@@ -12,8 +12,8 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import compiled_runners, default_engine, default_lanes
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow import compiled_runners, default_batch_engine, default_engine
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
     SECTION,
@@ -105,13 +105,13 @@ def test_one_engine_that_keeps_little_in_four_threads(monkeypatch: pytest.Monkey
 def test_each_thread_has_an_engine() -> None:
     with ThreadPoolExecutor(1) as pool:
         assert pool.submit(default_engine).result() is not default_engine()
-        assert pool.submit(default_lanes).result() is not default_lanes()
+        assert pool.submit(default_batch_engine).result() is not default_batch_engine()
         assert pool.submit(default_engine).result() is pool.submit(default_engine).result()
     assert default_engine() is default_engine()
 
 
 def test_one_batch_engine_in_threads() -> None:
-    shared, constants = BatchTaylor(2), field_constants(PRINTED.with_friction("smooth"))
+    shared, constants = BatchTaylor(2), equation_constants(PRINTED.with_friction("smooth"))
     draw = numpy.random.default_rng(19)
     jobs = []
     for _ in range(40):

@@ -25,7 +25,7 @@ from tippedisk_verify.cycles.shooting import LimitCycle, shoot_limit_cycle
 from tippedisk_verify.cycles.spectral import spectral_cycle, spectral_rotation
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
     SECTION,
@@ -34,7 +34,7 @@ from tippedisk_verify.flow.contract import (
     Request,
     Status,
 )
-from tippedisk_verify.flow.start import at_rest
+from tippedisk_verify.flow.start import starts_at_rest
 from tippedisk_verify.model.exact import PI, exact, fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -154,7 +154,7 @@ def _flown(request: Request) -> Question:
     """
 
     def ask() -> Any:
-        if request.events and at_rest(request):
+        if request.events and starts_at_rest(request):
             raise AccuracyError("at rest to rounding: no event is looked for")
         found = default_engine()(request)
         if (
@@ -351,7 +351,7 @@ def branch(draw: Draw) -> Question:
     omega_h = float(_rough_omega_h(disk))
 
     def ask() -> Any:
-        lanes = default_lanes()
+        lanes = default_batch_engine()
         known = LibratingFamily(disk, default_engine(), batch_solver(LIBRATING, disk, lanes))
         omegas = [omega_h + share * (known.omega_crit - omega_h) for share in shares]
         return [

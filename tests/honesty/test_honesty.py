@@ -16,7 +16,7 @@ from tests.honesty.harness import Kind, Question, assert_honest, compared, numbe
 from tests.honesty.kinds import KINDS, kind_named
 from tests.honesty.plants import PLANTS, planted
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
@@ -115,7 +115,7 @@ def test_arithmetics_are_what_they_say() -> None:
 
     def end(arithmetic: Arithmetic, seed: str) -> Any:
         with arithmetic.active(seed):
-            assert arithmetic is not OTHER_ORDER or default_lanes().width == 2
+            assert arithmetic is not OTHER_ORDER or default_batch_engine().width == 2
             return default_engine()(request).state
 
     plain, moved = end(DEFAULT, "1"), end(MOVED_BITS, "1")

@@ -106,7 +106,7 @@ def shoot_batch(
 
     Args:
         section: The section.
-        constants: The constants (6,) or (n, 6), see `flow.batch.field_constants`.
+        constants: The constants (6,) or (n, 6), see `flow.batch.equation_constants`.
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
         lanes: The engine of the flights.

@@ -30,7 +30,7 @@ from tippedisk_verify.cycles.locator import Locator, locator_of
 from tippedisk_verify.cycles.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.flow import default_engine, default_lanes
+from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import checked_speeds
@@ -483,7 +483,7 @@ def _cycles_at_speeds(
     parameters, engine = disk_locator.parameters, disk_locator.engine
     by_speed: list[list[C] | None] = [None] * len(speeds)
     if len(speeds) >= _MIN_FOR_LANES and parameters.law.is_linear:
-        lanes, doubles = default_lanes(), [float(speed) for speed in speeds]
+        lanes, doubles = default_batch_engine(), [float(speed) for speed in speeds]
         speeds = [Fraction(speed) for speed in doubles]
         solve = batch_solver(section, parameters, lanes)
         with suppress(NoConnectionError, NoSuchCycleError, AccuracyError):

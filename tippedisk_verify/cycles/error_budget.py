@@ -37,7 +37,7 @@ from tippedisk_verify.cycles.newton import FixedPoint, Iterate, StoppingRule, ne
 from tippedisk_verify.cycles.return_map import Image, ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
-from tippedisk_verify.flow.system import nudge
+from tippedisk_verify.flow.system import perturb_last_bits
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
@@ -324,7 +324,7 @@ def _draws(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         # the residual is the same, often zero, over many starts. A change of the arrival by one
         # unit in the last place shows it.
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
-        moved = nudge(arrival, pattern + 2, DOUBLE)
+        moved = perturb_last_bits(arrival, pattern + 2, DOUBLE)
         residual = [
             now + (other - whole)
             for now, whole, other in zip(image.residual, arrival, moved, strict=True)

@@ -27,7 +27,7 @@ from tippedisk_verify.cycles.newton import Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
@@ -416,7 +416,7 @@ def batch_solver(section: Section[Any], parameters: Parameters, lanes: BatchTayl
         parameters: The disk, under the linear law.
         lanes: The engine of the flights.
     """
-    return partial(_in_batches, section, field_constants(parameters), lanes)
+    return partial(_in_batches, section, equation_constants(parameters), lanes)
 
 
 def _in_batches(

@@ -214,7 +214,7 @@ class GlobalMap:
             precision=EXTENDED,
             divergence=True,
             events=(EXTREME, GAMMA_TOP),
-            rounding=self.choice.rounding,
+            perturbation_pattern=self.choice.rounding,
         )
         flight = self._engine(request)
         if flight.status is not Status.REACHED:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.flow.batch import BatchTaylor
     from tippedisk_verify.flow.contract import Engine
 
-__all__ = ["default_engine", "default_lanes"]
+__all__ = ["default_batch_engine", "default_engine"]
 
 # Each thread has its own engines, so that no run waits for another thread's.
 _THREAD_ENGINES: Any = local()
@@ -30,7 +30,7 @@ def default_engine() -> Engine:
     return _THREAD_ENGINES.engine  # type: ignore[no-any-return]
 
 
-def default_lanes() -> BatchTaylor:
+def default_batch_engine() -> BatchTaylor:
     """Return the thread's Taylor engine for many runs at once, in the lanes of SIMD instructions.
 
     It is kept, so that each thread compiles only once.

@@ -240,8 +240,8 @@ class Request:
     #: from the result.
     digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
-    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudge`).
-    rounding: int | None = None
+    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.perturb_last_bits`).
+    perturbation_pattern: int | None = None
     max_steps: int = MAX_STEPS
 
     def __post_init__(self) -> None:
@@ -276,21 +276,23 @@ class Request:
         """
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
-    def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
+    def starting_at(
+        self, state: Sequence[object], perturbation_pattern: int | None = None
+    ) -> Request:
         """Return a copy of the request that starts from another state.
 
         Only the state is checked again, so this takes a fraction of the time of `replace`.
 
         Args:
             state: The start (beta [rad], gamma [rad], v [rad/s]).
-            rounding: The pattern of a twin (`system.nudge`), or None.
+            perturbation_pattern: The pattern of a twin (`system.perturb_last_bits`), or None.
 
         Raises:
             InputError: If the state does not have three components.
         """
         _check_state(state)
         other = object.__new__(Request)
-        other.__dict__.update(self.__dict__, state=state, rounding=rounding)
+        other.__dict__.update(self.__dict__, state=state, perturbation_pattern=perturbation_pattern)
         return other
 
 

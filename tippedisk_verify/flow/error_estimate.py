@@ -22,7 +22,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.defect import Defect
-from tippedisk_verify.flow.start import ROUNDINGS
+from tippedisk_verify.flow.start import SURFACE_ROUNDINGS
 from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
@@ -441,7 +441,7 @@ class _RunWithError:
                 abs(self._gradient(event, states)) * reach
             ).sum(axis=0)
             # A start on the surface is no crossing
-            first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)
+            first = int(lost[0] or abs(values[0]) <= SURFACE_ROUNDINGS * 2.0**-52)
             end = -1 if event.name == ending else None
             signs = numpy.sign(values[first:end])
             turns = numpy.diff(signs) * (1 if times[-1] >= 0 else -1) / 2

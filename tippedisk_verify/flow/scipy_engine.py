@@ -28,7 +28,7 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
 )
-from tippedisk_verify.flow.start import Start, at_rest
+from tippedisk_verify.flow.start import Start, starts_at_rest
 from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.exact import short_text
@@ -41,7 +41,7 @@ ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
 SCIPY_METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
-TIGHTEST = 100 * 2.0**-52
+MIN_TOLERANCE = 100 * 2.0**-52
 _DEFAULT_TOLERANCE = 1e-13  # slightly above the tightest; all methods still converge smoothly there
 
 # A complex step whose square is negligible against 1, so that the derivative is exact to round-off.
@@ -125,7 +125,7 @@ class ScipyEngine:
             raise InputError(
                 "SciPy has no reliable error estimate: use the Taylor engine, or compare with it"
             )
-        if request.events and at_rest(request):
+        if request.events and starts_at_rest(request):
             return self(replace(request, events=()))
         start = Start.of(request, DOUBLE)
         initial, duration = numpy.array(start.state), DOUBLE.number(request.duration)
@@ -160,7 +160,7 @@ class ScipyEngine:
         if request.domain != "none" and FLAT not in detected_events:
             detected_events.append(FLAT)
         counted = _CountedRates(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
-        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
+        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, MIN_TOLERANCE)
         events = [_event(event, start) for event in detected_events]
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -241,16 +241,16 @@ def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
     if event.name != FLAT.name and start.lies_on(event, 2.0**-52):
         # Rounding decides the sign there. Use the sign a moment later, so that the start is no
         # crossing.
-        _, at_start = start.window(event)
+        _, at_start = start.time_on_surface(event)
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:
             return at_start
-        return float(start.value(event, y[:3].tolist()))
+        return float(start.event_value(event, y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
     # SciPy means the order of its steps, the contract that of time.
-    crossing.direction = event.direction if start.forward else -event.direction  # type: ignore[attr-defined]
+    crossing.direction = event.direction if start.runs_forward else -event.direction  # type: ignore[attr-defined]
     return crossing
 
 

@@ -22,20 +22,20 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import (
+    MIN_TIME_ON_SURFACE,
     NO_SURFACES,
-    START_WINDOW,
     Start,
     StartSurfaces,
     start_surfaces,
 )
 from tippedisk_verify.flow.switching import FrictionSign
 from tippedisk_verify.flow.system import (
-    SWITCH,
-    TURN_OVER,
+    FRICTION_SWITCH,
+    SIN_BETA_REVERSAL,
     build_system,
     direction_of,
-    nudge,
     parameter_names,
+    perturb_last_bits,
 )
 from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.parameters import Parameters
@@ -160,7 +160,7 @@ class CompiledStepper:
         system, self._crossings = build_system(
             request.variations,
             request.divergence,
-            (*built, SWITCH, TURN_OVER) if two_sided else built,
+            (*built, FRICTION_SWITCH, SIN_BETA_REVERSAL) if two_sided else built,
             request.shifted,
             request.law,
         )
@@ -209,7 +209,10 @@ class CompiledStepper:
             friction=request.law.name,
             variations=request.variations,
             divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if two_sided else ())),
+            events=(
+                *(event.name for event in events),
+                *((FRICTION_SWITCH.name,) if two_sided else ()),
+            ),
             u_variables=len(self._stepper.decomposition) - self._stepper.dim,
         )
         self._built = (self.build,)
@@ -224,7 +227,7 @@ class CompiledStepper:
         # heyoka's own waiting time comes from the tolerance. It is too short where the orbit only
         # touches the surface. It is too long after a switch of the branch at a loose tolerance: the
         # state there is on the surface to rounding, at every tolerance.
-        wait = self.precision.number(START_WINDOW)
+        wait = self.precision.number(MIN_TIME_ON_SURFACE)
 
         def ending(name: str, **options: Any) -> Any:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
@@ -238,7 +241,7 @@ class CompiledStepper:
             )  # in bare functions: heyoka copies all other callables
             events.append(
                 ending(
-                    SWITCH.name,
+                    FRICTION_SWITCH.name,
                     callback=lambda stepper, sign: friction_sign.set_at_reversal(
                         sign, stepper.time
                     ),
@@ -247,7 +250,7 @@ class CompiledStepper:
             if FLAT not in self._terminal:
                 events.append(
                     ending(
-                        TURN_OVER.name,
+                        SIN_BETA_REVERSAL.name,
                         callback=lambda stepper, sign: friction_sign.flip_with_sin_beta(),
                     )
                 )
@@ -285,8 +288,10 @@ class CompiledStepper:
         number = self.precision.number
         state = [number(component) for component in request.state]
         duration, omega = number(request.duration), number(request.omega)
-        if request.rounding is not None:
-            *state, omega = nudge((*state, omega), request.rounding, self.precision)
+        if request.perturbation_pattern is not None:
+            *state, omega = perturb_last_bits(
+                (*state, omega), request.perturbation_pattern, self.precision
+            )
         constants, forward = request.parameters.constants_in(self.precision), bool(duration >= 0)
         start = Start(self._ops, constants, request.law, omega, state, forward)
         self._grid = _grid_of(request, duration)
@@ -300,13 +305,13 @@ class CompiledStepper:
         on_surfaces = start_surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
-        careful = self._two_sided or on_surfaces.exactly
+        careful = self._two_sided or on_surfaces.has_exact_zero
         outcome, low, steps = self._run_to_end(
             start, on_surfaces if careful else NO_SURFACES, duration, request.max_steps
         )
         if (
             not careful
-            and abs(self._stepper.time) <= on_surfaces.window
+            and abs(self._stepper.time) <= on_surfaces.time_on_surface
             and self._ends_on_start_surface(outcome, on_surfaces)
         ):
             outcome, low, steps = self._run_to_end(start, on_surfaces, duration, request.max_steps)
@@ -315,7 +320,8 @@ class CompiledStepper:
             self._records[:] = [
                 record
                 for record in self._records
-                if record.name not in on_surfaces.names or abs(record.time) > on_surfaces.window
+                if record.name not in on_surfaces.names
+                or abs(record.time) > on_surfaces.time_on_surface
             ]
         return self._result(request, status, steps)
 
@@ -326,13 +332,13 @@ class CompiledStepper:
         if (
             omega is not self._speed
             or request.parameters is not self._parameters
-            or request.rounding is not None
+            or request.perturbation_pattern is not None
         ):
             constants = request.parameters.constants_in(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
-            if request.rounding is not None:
-                values = nudge(values, request.rounding + 1, self.precision)
+            if request.perturbation_pattern is not None:
+                values = perturb_last_bits(values, request.perturbation_pattern + 1, self.precision)
                 self._parameters = None  # the next run must not reuse them
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
@@ -428,9 +434,10 @@ class CompiledStepper:
             return None
         # Use at most half of the run, so that the rest can be recorded.
         limit = min(
-            self.precision.number(on_surfaces.window), abs(duration) * self.precision.number(0.5)
+            self.precision.number(on_surfaces.time_on_surface),
+            abs(duration) * self.precision.number(0.5),
         )
-        limit = limit if start.forward else -limit
+        limit = limit if start.runs_forward else -limit
         if self._jump_ahead(start, limit, on_surfaces):
             return None
         outcome, low = self._finished, self._zero
@@ -468,7 +475,9 @@ class CompiledStepper:
         if self._two_sided:
             self._friction_sign.begin(start)
             watched += SLIDING_REVERSAL, FLAT
-        if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
+        if any(
+            start.event_value(event) * start.event_value(event, ahead[:3]) <= 0 for event in watched
+        ):
             return False
         stepper.time = target
         stepper.state[:] = ahead

@@ -26,22 +26,22 @@ from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import Precision
 
 __all__ = [
-    "SWITCH",
-    "TURN_OVER",
+    "FRICTION_SWITCH",
+    "SIN_BETA_REVERSAL",
     "build_system",
-    "by_constants",
+    "constant_derivatives",
     "constants_of",
     "direction_of",
-    "nudge",
     "parameter_names",
+    "perturb_last_bits",
 ]
 
 # The runtime parameters of every law's compiled field, in this order. The law's own constants
 # follow, and the side of a law that has two is the last one.
 _COMMON_PARAMETERS = ("Omega", "r", "e", "a", "b", "g")
 #: The events at which a law with two sides changes its side. Requests cannot have these names.
-SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
-TURN_OVER = Event("(turns over)", FLAT.function)
+FRICTION_SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
+SIN_BETA_REVERSAL = Event("(turns over)", FLAT.function)
 
 
 # The number of patterns in which each number moves up once and down once. So no number stays fixed
@@ -59,7 +59,7 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
     return _COMMON_PARAMETERS + law.constants
 
 
-def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
+def constant_derivatives(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
     """Return the exact derivatives of the constants in the equations of motion with respect to each
     input of a motion.
 
@@ -176,7 +176,7 @@ def direction_of(event: Event) -> Any:
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
 
 
-def nudge(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
+def perturb_last_bits(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
     """Return a twin of some numbers: each moves by its last bit, up, down or not at all.
 
     Zero stays. Twins serve problems solved by many runs, such as a limit cycle. The equations of

@@ -22,8 +22,8 @@ import numpy
 
 from tippedisk_verify.cycles.cycle_at_speed import cycle_at, rotating_cycle
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.flow import default_engine, default_lanes
-from tippedisk_verify.flow.batch import field_constants
+from tippedisk_verify.flow import default_batch_engine, default_engine
+from tippedisk_verify.flow.batch import equation_constants
 from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Request, Status
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
@@ -292,8 +292,8 @@ def _run(
     """
     events = (_FLAT, _SECTION, _TOP_OR_BOTTOM) if record else (_FLAT,)
     count = len(now)
-    batch = default_lanes()(
-        field_constants(parameters),
+    batch = default_batch_engine()(
+        equation_constants(parameters),
         numpy.full(count, float(omega)),
         now,
         numpy.full(count, duration),

@@ -28,7 +28,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.flow.system import by_constants
+from tippedisk_verify.flow.system import constant_derivatives
 from tippedisk_verify.model.arrays import half_widths, numpy_safe, round_to_doubles
 from tippedisk_verify.model.exact import Exact, as_list, exact, short_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -115,7 +115,7 @@ class Motion:
         self._variables = [
             variable for name in _several(variations) for variable in _named(name, _VARIABLES)
         ]
-        slopes = by_constants(parameters) if self._variables else {}
+        slopes = constant_derivatives(parameters) if self._variables else {}
         self.request = Request(
             parameters,
             omega,
@@ -302,7 +302,7 @@ def _derivatives(
 
     found = {}
     if result.derivatives is not None:
-        slopes = by_constants(request.parameters)
+        slopes = constant_derivatives(request.parameters)
         for variable in variables:
             end = chained(slopes[variable], result.derivatives, error and error.variations)
             y, width = (numbers[:, None] for numbers in end)
