@@ -29,12 +29,12 @@ def residual(chart: SaddleChart, parameters, point) -> float:
     its terms.
     """
     y = chart.at(point)
-    moved = chart.slopes(point) @ (chart.eigenvalues * point)
+    moved = chart.derivative(point) @ (chart.eigenvalues * point)
     with mpmath.workprec(100):
         state = [mpmath.mpf(number.numerator) / number.denominator for number in map(fraction, y)]
         state = (mpmath.pi / 2 + state[0], -mpmath.pi / 2 + state[1], state[2])
         rates = paper_rates(parameters, ORIGIN + DISTANCE, state)
-        sizes = abs(chart.slopes(point)) @ abs(chart.eigenvalues * point)
+        sizes = abs(chart.derivative(point)) @ abs(chart.eigenvalues * point)
         left = (
             rate - mpmath.mpf(str(rate_of_chart))
             for rate, rate_of_chart in zip(rates, moved, strict=True)

@@ -38,7 +38,7 @@ from tippedisk_verify.theory.saddle_chart import (
     ANGLE_OPS,
     ChartFamily,
     SaddleChart,
-    angles,
+    angles_and_v,
     solve_linear,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -132,10 +132,10 @@ class GlobalMap:
         )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
-        self.u_1 = EXTENDED.type(choice.share * chart.radius(0))
+        self.u_1 = EXTENDED.type(choice.share * chart.convergence_radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
-            chart, choice.share * self.arriving.at(EXTENDED.number(0)).radius(1)
+            chart, choice.share * self.arriving.at(EXTENDED.number(0)).convergence_radius(1)
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
@@ -305,7 +305,7 @@ class HalfMap:
         return LinearPassage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
 
     def _sliding(self, y: Any) -> Any:
-        return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
+        return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles_and_v(y))
 
     def fixed_point(self) -> tuple[Any, Any, list[float]]:
         """Solve for the map's fixed point, the limit cycle. The distance must be real.
@@ -344,9 +344,9 @@ class HalfMap:
         )
         along = []
         for point in (piece.start, piece.end):
-            rates = numpy.array(rates_of(*angles(piece.chart.at(point))))
+            rates = numpy.array(rates_of(*angles_and_v(piece.chart.at(point))))
             along.append(
-                piece.chart.slopes(point)
+                piece.chart.derivative(point)
                 @ (piece.chart.eigenvalues * point)
                 @ rates
                 / (rates @ rates)
@@ -399,14 +399,14 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
     slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
     ahead = first.chart.flow(slow, first.time)
     if first is not last:
-        turned = first.image * last.image * first.chart.slopes(first.end)
-        over = solve_linear(last.chart.slopes(last.start), turned)
+        turned = first.image * last.image * first.chart.derivative(first.end)
+        over = solve_linear(last.chart.derivative(last.start), turned)
         fast = first.chart.flow(solve_linear(over, fast[:, None])[:, 0], -first.time)
         ahead = last.chart.flow(over @ ahead, last.time)
     exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
     rho = ahead[0] / exit_rates[0]
     kappa = ahead[1] - rho * exit_rates[1]
-    basis = first.chart.slopes(first.start) @ numpy.stack(
+    basis = first.chart.derivative(first.start) @ numpy.stack(
         (rates, slow, fast / abs(fast).max()), axis=1
     )
     along = rho * (1 - multiplier) - kappa * time_by_sigma
@@ -425,7 +425,7 @@ def _until(
     Raises ArithmeticError if the orbit does not meet a zero on its way from the stable to the
     unstable manifold.
     """
-    row = chart.along(gradient)
+    row = chart.gradient_in_chart(gradient)
     growth = chart.eigenvalues[0] - chart.eigenvalues[1]
     ratio = -row[1] * start[1] / (row[0] * start[0])
     if not ratio.real > 0:
@@ -451,7 +451,7 @@ def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
     """
     total = 0
     for piece in pieces:
-        ends = (_determinant(piece.chart.slopes(point)) for point in (piece.end, piece.start))
+        ends = (_determinant(piece.chart.derivative(point)) for point in (piece.end, piece.start))
         total += piece.chart.eigenvalues.sum() * piece.time + numpy.log(next(ends) / next(ends))
     return total
 

@@ -223,5 +223,7 @@ def sensitivity_of_bifurcations(
     with suppress(NoConnectionError):
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
         # Differences keep half of the digits.
-        rows["omega_h"] = splitting_zero(parameters, guess, engine, 2 * digits).by_parameters()
+        rows["omega_h"] = splitting_zero(
+            parameters, guess, engine, 2 * digits
+        ).omega_h_derivatives()
     return Sensitivity(rows, parameters)

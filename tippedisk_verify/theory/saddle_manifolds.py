@@ -3,17 +3,17 @@
 **Curves.** In y = (beta_bar, gamma + pi/2, v), about the saddle, the field is odd by the point
 symmetry. Its one-dimensional manifolds are curves
 
-    K(s) = sum of K_n s^n over odd n,    f(K(s)) = lambda s K'(s).
+    K(s) = sum of K_n s^n over odd n,    F(K(s)) = lambda s K'(s).
 
 Along them s grows like exp(lambda t).
 
 **Stable manifold.** The two-dimensional stable manifold is needed only near the slow stable curve,
-because the fast component is tiny after the passage between the saddles. It is taken as K(s) + t
+because the fast component is tiny after the passage between the saddles. It is taken as K(s) + f
 L(s) with L the fast direction carried along the curve:
 
-    Df(K) L = lambda_s s L' + lambda_f L.
+    DF(K) L = lambda_s s L' + lambda_f L.
 
-The remainder is of order t^2.
+The remainder is of order f^2.
 
 **Laws with two sides.** Such a law is analytic on either side of gamma_y = 0, and each curve leaves
 the saddle on one side. The branch of that side gives the curve there, with even powers too. The
@@ -261,7 +261,7 @@ class Saddle:
         """Return an eigenvector's direction at each point of the slow stable curve, carried along
         it by the flow, as power series.
 
-        It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
+        It solves DF(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
         ``direction_index``.
         """
         ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[direction_index]
@@ -293,7 +293,7 @@ class Saddle:
         slopes = jacobian(SeriesOps, self.constants, self.speed, *self._law(1))
         return slopes(*self._state(curve))
 
-    def reach(self, *curves: Sequence[PowerSeries]) -> Any:
+    def convergence_radius(self, *curves: Sequence[PowerSeries]) -> Any:
         """Return the radius of s within which the power series of all given curves converge.
 
         It is estimated from their last coefficients, and is at most 10.
@@ -312,11 +312,11 @@ class Saddle:
         return min(rates)
 
     def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Return the coordinates (u, s, t) of a point near the saddle, so that the point is K(s) +
-        t L(s) + u M(s).
+        """Return the coordinates (u, s, f) of a point near the saddle, so that the point is K(s) +
+        f L(s) + u M(s).
 
         K is the slow stable curve; L and M are the fast stable and the unstable direction along it.
-        The point lies on the stable manifold if u = 0, up to terms of order t^2. Small u and t grow
+        The point lies on the stable manifold if u = 0, up to terms of order f^2. Small u and f grow
         and fall like exp(lambda_u t) and exp(lambda_f t) along the flow.
 
         Args:
@@ -326,13 +326,13 @@ class Saddle:
             AccuracyError: If the point is too far from the saddle.
         """
         ctx = self.context
-        u = s = t = ctx.zero
+        u = s = f = ctx.zero
         target = [ctx.mpf(entry) for entry in point]
         size = max(map(abs, target))
         for _ in range(400):
             residual = ctx.matrix(
                 [
-                    value - curve.at(s) - t * fast.at(s) - u * unstable.at(s)
+                    value - curve.at(s) - f * fast.at(s) - u * unstable.at(s)
                     for value, curve, fast, unstable in zip(
                         target,
                         self.stable_curve,
@@ -343,9 +343,9 @@ class Saddle:
                 ]
             )
             step = self.inverse_eigenvectors * residual
-            u, s, t = u + step[0], s + step[1], t + step[2]
+            u, s, f = u + step[0], s + step[1], f + step[2]
             if max(map(abs, step)) <= 16 * ctx.eps * size:
-                return u, s, t
+                return u, s, f
         raise AccuracyError(
             "the end of the unstable manifold is too far from the saddle for its local series"
         )
