@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import Exact, exact, quotient
+from tippedisk_verify.model.exact import Exact, exact, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
@@ -108,6 +108,6 @@ def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> Pap
 
 def paper_rates(parameters: Parameters, omega: Fraction, state: Sequence[Any]) -> list[Any]:
     """The vector field by `paper_terms`."""
-    speed, (beta, _, v) = quotient(mpmath.mp, omega), state
+    speed, (beta, _, v) = rational_in_context(mpmath.mp, omega), state
     mass, gyroscopic, *forces = paper_terms(parameters, speed, state)
     return list(paper.state_rates(sum(mass), sum(gyroscopic), *forces, speed, beta, v))

@@ -26,8 +26,8 @@ from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 
 
@@ -97,7 +97,9 @@ def test_a_lost_multiplier_is_bounded_by_its_rounding() -> None:
     assert not measured["log_multiplier_slow"].holds(-33)
 
 
-@pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
+@pytest.mark.parametrize(
+    ("share", "precision"), [("0.49", DOUBLE), ("0.51", wider_precision(DOUBLE))]
+)
 def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(
     monkeypatch, share: str, precision
 ) -> None:
@@ -180,7 +182,9 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     assert bool(return_map.images) is newton
 
 
-@pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")
+@pytest.mark.skipif(
+    wider_precision(DOUBLE) != EXTENDED, reason="this machine has no extended doubles"
+)
 @pytest.mark.parametrize(
     ("kind", "omega", "few", "many", "arithmetic"),
     [

@@ -35,7 +35,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import starts_at_rest
-from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, precision_of_bits
@@ -99,9 +99,9 @@ def slow_manifold_series(draw: Draw) -> Question:
 
     def truth(found: Any) -> Any:
         ctx = precision_of_bits(400).context
-        constants, speed = disk.constants_in_context(ctx), quotient(ctx, omega)
+        constants, speed = disk.constants_in_context(ctx), rational_in_context(ctx, omega)
         where = (found["place"], *slow_manifold.RESIDUAL_POINTS)
-        place, *points = [[quotient(ctx, part) for part in point] for point in where]
+        place, *points = [[rational_in_context(ctx, part) for part in point] for point in where]
         rows = [
             slow_manifold.invariance_residuals(ctx, constants, speed, *point, order)
             for point in points

@@ -15,7 +15,7 @@ from mpmath import mp
 from tests.model import transcription as paper
 from tests.problems import decimals, physical_parameters, states
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import law_of
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
@@ -31,8 +31,8 @@ CTX = precision_of_bits(200).context
 def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
     """Compare at 60 digits, of which cancelling sums may cost ten: no double may enter."""
     with mp.workdps(60):
-        c, speed = parameters.constants_in_context(mp), quotient(mp, omega)
-        beta, gamma, v = (quotient(mp, part) for part in state)
+        c, speed = parameters.constants_in_context(mp), rational_in_context(mp, omega)
+        beta, gamma, v = (rational_in_context(mp, part) for part in state)
         beta = -beta if flip else beta
         mass = paper.mass_matrix(c.A, c.Bbar, c.m, c.r, c.e, beta, gamma)
         gyroscopic = paper.gyroscopic_forces(c.A, c.Bbar, c.m, c.r, c.e, speed, beta, gamma, v)
@@ -73,8 +73,8 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
 )
 def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
     """Compare with central differences at 200 bits; half of the states have sin(beta) < 0."""
-    constants, speed = parameters.constants_in_context(CTX), quotient(CTX, omega)
-    point = [quotient(CTX, part) for part in state]
+    constants, speed = parameters.constants_in_context(CTX), rational_in_context(CTX, omega)
+    point = [rational_in_context(CTX, part) for part in state]
     if flip:
         point[0] = -point[0]
     sliding = equations.equation_terms(CTX, constants, speed, *point).sliding_velocity

@@ -60,7 +60,7 @@ def test_a_law_is_one_function_in_every_arithmetic(law: FrictionLaw) -> None:
         # The second derivative jumps at zero, which a difference sees to first order in the step.
         assert abs(difference / (2 * step) - slope) < 2.0**-50 * abs(wide.k)
         for numbers in (DOUBLE, EXTENDED):
-            array = numpy.array([velocity], dtype=numbers.type)
+            array = numpy.array([velocity], dtype=numbers.number_type)
             found = law.deceleration_slope(numpy, array, disk.constants_in(numbers))
             assert float(numpy.ravel(found)[0]) == pytest.approx(float(slope), rel=64 * 2.0**-53)
 

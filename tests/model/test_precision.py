@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_down, rounded_up
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_down, round_up
 from tippedisk_verify.model.exact import PI, Exact, exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import (
@@ -22,8 +22,8 @@ from tippedisk_verify.model.precision import (
     EXTENDED,
     QUADRUPLE,
     bits_for_digits,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 
 ALL = (
@@ -153,7 +153,7 @@ def test_printed_intervals_hold_what_the_numbers_hold(
 def test_names_and_bounds() -> None:
     assert [precision.name for precision in ALL[2:4]] == ["quadruple", "real24"]
     assert [precision.digits for precision in ALL[:3]] == [15, 18, 33]
-    assert all(companion(precision).bits >= precision.bits + 11 for precision in ALL)
+    assert all(wider_precision(precision).bits >= precision.bits + 11 for precision in ALL)
     assert [bits_for_digits(digits) for digits in (1, 15, 34)] == [24, 51, 114]
     for digits in (0, -1, 10**9):
         with pytest.raises(InputError):
@@ -208,7 +208,7 @@ def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_secon
 ) -> None:
     magnitude = decimal_magnitude(value)
     assert Fraction(10) ** magnitude <= value < Fraction(10) ** (magnitude + 1)
-    low, high = Fraction(rounded_down(value)), Fraction(rounded_up(value))
+    low, high = Fraction(round_down(value)), Fraction(round_up(value))
     assert low <= value <= high
     unit = Fraction(10) ** (magnitude - 1)
     assert value - low < unit

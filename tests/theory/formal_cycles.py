@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import mpmath
 
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit_squared
@@ -102,7 +102,7 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
         f(parameters) for f in (omega_crit_squared, critical_frequency_squared)
     )
     omega, frequency = (
-        mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square)
+        mpmath.sqrt(rational_in_context(mpmath.mp, part)) for part in (square, frequency_square)
     )
 
     def rates(speed: Series, state: list[Series]) -> list[Series]:

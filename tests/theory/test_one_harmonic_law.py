@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_terms, physical_parameters
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.one_harmonic_law import (
@@ -110,7 +110,9 @@ def test_the_balances_are_projections(parameters, omega, frequency, amplitude) -
     """
     with mpmath.workdps(DIGITS):
         c = parameters.constants_in_context(mpmath.mp)
-        speed, w, C = (quotient(mpmath.mp, number) for number in (omega, frequency, amplitude))
+        speed, w, C = (
+            rational_in_context(mpmath.mp, number) for number in (omega, frequency, amplitude)
+        )
         reach = c.r + c.e
         for form in FORMS:
             sine, _ = third_order(parameters, speed, w, form, turned=form == "printed")
@@ -177,7 +179,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
     rational, crit = parameters.rational_constants(), omega_crit(parameters).value
     with mpmath.workdps(DIGITS):
         for omega in (crit * (1 - share), crit * (1 + share)):
-            law = derived_law(parameters, quotient(mpmath.mp, omega), form)
+            law = derived_law(parameters, rational_in_context(mpmath.mp, omega), form)
             stated = (
                 *squares(rational, omega, form),
                 delta(rational, omega, form),
@@ -187,7 +189,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                 # Some thirty of eighty digits are lost next to the law's pole, where few draws come
                 # near.
                 assert (
-                    abs(quotient(mpmath.mp, claimed) - derived)
+                    abs(rational_in_context(mpmath.mp, claimed) - derived)
                     < abs(derived) * mpmath.mpf(10) ** -50
                 )
             if min(law.square, law.frequency_squared) < 0:
@@ -205,7 +207,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                 assert number.uncertainty < abs(number.value) / 10**digits
             if form == "consistent":
                 start = (
-                    quotient(mpmath.mp, omega) * amplitude / frequency,
+                    rational_in_context(mpmath.mp, omega) * amplitude / frequency,
                     -amplitude * frequency,
                     truths[2] / 2,
                 )

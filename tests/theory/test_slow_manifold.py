@@ -18,7 +18,7 @@ from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -80,7 +80,7 @@ class Surface(NamedTuple):
         """epsilon (dh/dt - v') along the reduced flow beta' = h, gamma' = -Omega cos(beta) of
         an order.
         """
-        epsilon = quotient(mpmath.mp, parameters.epsilon)
+        epsilon = rational_in_context(mpmath.mp, parameters.epsilon)
         powers = [epsilon**n for n in range(order + 1)]
         v, by_beta, by_gamma = (sum(map(operator.mul, part, powers)) for part in self)
         beta_rate, gamma_rate, rate = paper_rates(parameters, omega, (beta, gamma, v))
@@ -114,7 +114,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(
     Under the smooth law only h_0 is right, and a residual of first order remains.
     """
     with mpmath.workdps(DIGITS):
-        speed, *place = (quotient(mpmath.mp, number) for number in (omega, beta, gamma))
+        speed, *place = (rational_in_context(mpmath.mp, number) for number in (omega, beta, gamma))
         surface = Surface.at(parameters, speed, *place)
         disks = [parameters.changed(epsilon=epsilon, friction=law) for epsilon in EPSILONS]
         rows = [
@@ -156,13 +156,15 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(
 ) -> None:
     """Check that v = p x + q y solves the linearised equations up to its order, under both laws."""
     with mpmath.workdps(DIGITS):
-        speed, step = quotient(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
+        speed, step = rational_in_context(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
         start = (mpmath.pi / 2, mpmath.pi / 2 if name == "inverted" else -mpmath.pi / 2)
         sizes = []
         for epsilon in EPSILONS:
             disk = parameters.changed(epsilon=epsilon, friction=law)
             reduced = reduced_equilibrium(disk, omega, name, order, mpmath.mp.prec)
-            trace, determinant = (quotient(mpmath.mp, fraction(number)) for number in reduced)
+            trace, determinant = (
+                rational_in_context(mpmath.mp, fraction(number)) for number in reduced
+            )
             by_beta, by_gamma = trace, -determinant / speed
             residuals = []
             for x, y in ((1, 0), (0, 1)):
@@ -175,7 +177,7 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(
                     part.imag / step for part in paper_rates(disk, omega, moved)
                 )
                 residuals.append(by_beta * beta_rate + by_gamma * gamma_rate - rate)
-            sizes.append(quotient(mpmath.mp, epsilon) * max(map(abs, residuals)))
+            sizes.append(rational_in_context(mpmath.mp, epsilon) * max(map(abs, residuals)))
         assert_exponent(sizes, order + 1)
 
 

@@ -18,7 +18,7 @@ from tippedisk_verify.audit.claims import (
     rounds_to,
 )
 from tippedisk_verify.model.equations import equation_terms, jacobian
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
@@ -152,13 +152,14 @@ def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]
     """Compare A31, A32 and A33 with the derivative of the full equations, in 200 bits."""
     ctx, parameters, speed = precision_of_bits(200).context, audit.sets[name], Fraction("30.4")
     state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
-    row = jacobian(ctx, parameters.constants_in_context(ctx), quotient(ctx, speed), "linear")(
-        *state
-    )[2]
+    row = jacobian(
+        ctx, parameters.constants_in_context(ctx), rational_in_context(ctx, speed), "linear"
+    )(*state)[2]
     entries = linearization(parameters, speed)[1:]
     # pi/2 carries an error of 2^-200, second derivatives are below 1e6 times the entries.
     close = all(
-        abs(a - quotient(ctx, b)) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True)
+        abs(a - rational_in_context(ctx, b)) <= abs(a) * 2.0**-150
+        for a, b in zip(row, entries, strict=True)
     )
     return "equal" if close else "different", close
 

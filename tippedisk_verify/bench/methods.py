@@ -128,7 +128,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
     stepper = hy.taylor_adaptive(
         list(zip(state, rates, strict=True)),
         start.tolist(),
-        fp_type=precision.type,
+        fp_type=precision.number_type,
         compact_mode=precision != DOUBLE,
         **options,
     )
@@ -142,7 +142,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
         ends = []
         for end in times:
             stepper.propagate_until(precision.number(end))
-            ends.append(precision.owned(stepper.state))
+            ends.append(precision.copy_array(stepper.state))
         return ends
 
     return Prepared(run, lambda: MethodRun("reached", _flown(problem.times)))

@@ -18,7 +18,7 @@ from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import (
     equilibrium,
@@ -148,7 +148,7 @@ def bisect_omega_h(
             Measured(centre, half_width + _spread_of_tolerances(passes, centre)),
             "bisection, tolerances",
         )
-    wider = companion(DOUBLE)
+    wider = wider_precision(DOUBLE)
     confirmed = partial(passes, precision=wider, offset=_START_DISTANCE / 8)
     while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2

@@ -32,7 +32,7 @@ import numpy
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
@@ -41,8 +41,8 @@ from tippedisk_verify.model.precision import (
     QUADRUPLE,
     Precision,
     bits_for_digits,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.progress import report_share
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -166,7 +166,7 @@ class SplittingFunction:
         end = self._flight(saddle, self.precision, self.duration)
         if end.status is not Status.REACHED:
             raise AccuracyError(f"the unstable manifold: {end.status.value}")
-        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, end.state))
+        beta, gamma, v = (rational_in_context(ctx, value) for value in map(fraction, end.state))
         u, s, f = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
         self.latest = Splitting(omega, u, s, f, abs(s) ** (-unstable / slow))
@@ -354,7 +354,7 @@ def _stages(wanted: int) -> list[Precision]:
 
     The last one has the ``wanted`` digits. Each has about twice the digits of the one before.
     """
-    if wanted <= EXTENDED.digits and companion(DOUBLE) == EXTENDED:
+    if wanted <= EXTENDED.digits and wider_precision(DOUBLE) == EXTENDED:
         return [EXTENDED]
     stages: list[Precision] = []
     while wanted > QUADRUPLE.digits:
@@ -415,7 +415,7 @@ def _zero(
         parameters,
         omega,
         engine,
-        companion(precision),
+        wider_precision(precision),
         distance_factor=0.5,
         coarser_function=splitting_function,
     )

@@ -38,7 +38,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion, precision_of_bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits, wider_precision
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = [
@@ -312,7 +312,7 @@ def _offered(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
 
     The machine and the engine must compute in 64 bits, and the saddle value must be negative.
     """
-    extended = companion(DOUBLE) == EXTENDED and engine.measures_error
+    extended = wider_precision(DOUBLE) == EXTENDED and engine.measures_error
     return extended and saddle_value_sign(parameters, omega_h) < 0
 
 

@@ -45,8 +45,8 @@ from tippedisk_verify.model.precision import (
     DOUBLE,
     Precision,
     bits_for_digits,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.progress import report_share, subrange
 
@@ -124,11 +124,11 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         }
         return _as_cycle(fixed_point, unmeasured, precision)
     draws, doubles = _draws(fixed_point), list[dict[str, Any]]()
-    wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
+    wanted, wider = max(digits, _DOUBLE_DIGITS), wider_precision(DOUBLE)
     for precision, twins in (
         (DOUBLE, TWINS),
         (wider, TWINS_OF_WIDER),
-        (companion(wider), TWINS_OF_WIDER),
+        (wider_precision(wider), TWINS_OF_WIDER),
     ):
         if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
@@ -175,7 +175,7 @@ def cycle_in_precision(
     Args:
         fixed_point: The end of Newton's iteration in double.
         precision: The arithmetic.
-        wider: The arithmetic that measures the error; None for the companion of ``precision``.
+        wider: The arithmetic that measures the error; None for the one wider than ``precision``.
 
     Raises:
         AccuracyError: If the iteration does not settle.
@@ -186,7 +186,7 @@ def cycle_in_precision(
     with subrange(0, _BY_FIRST_RUN):
         numbers, _, sharper = _solve_in_precision(fixed_point, precision)
     with subrange(_BY_FIRST_RUN, 1):
-        sharp, doubt, _ = _solve_in_precision(sharper, wider or companion(precision))
+        sharp, doubt, _ = _solve_in_precision(sharper, wider or wider_precision(precision))
     return _as_cycle(
         fixed_point, half_widths_by_wider_run(numbers, sharp, doubt, precision), precision
     )

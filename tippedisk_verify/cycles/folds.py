@@ -31,8 +31,8 @@ from tippedisk_verify.model.precision import (
     Precision,
     bits_for_digits,
     checked_digits,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
@@ -302,7 +302,7 @@ def _fold_in(
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             rough = _numbers(kind.section, parameters, start, jacobian, engine, precision)
             sharp = _numbers(
-                kind.section, parameters, start, jacobian, engine, companion(precision)
+                kind.section, parameters, start, jacobian, engine, wider_precision(precision)
             )
         except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
             if arithmetic is _SECOND_PRECISION:

@@ -34,9 +34,14 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits_for_digits, precision_of_bits
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    FUNCTION_NAMES,
+    bits_for_digits,
+    precision_of_bits,
+)
 
 __all__ = ["MAX_SAMPLES", "Collocation", "CycleKind", "resample", "samples_for", "sizes"]
 
@@ -54,7 +59,7 @@ def _on_arrays(ctx: Any) -> SimpleNamespace:
     numbers.
     """
     return SimpleNamespace(
-        **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTIONS}
+        **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTION_NAMES}
     )
 
 
@@ -124,7 +129,7 @@ class Collocation:
         arithmetic.
         """
         if isinstance(value, Fraction):
-            return float(value) if self.ctx is None else quotient(self.ctx, value)
+            return float(value) if self.ctx is None else rational_in_context(self.ctx, value)
         return (
             value.astype(float)
             if self.ctx is None

@@ -28,7 +28,7 @@ from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
@@ -216,7 +216,7 @@ class PeriodAsymptotics:
         ctx = self._ctx = precision_of_bits(precision.bits + 16).context
 
         def mpf(value: Any) -> Any:
-            return quotient(ctx, fraction(value))
+            return rational_in_context(ctx, fraction(value))
 
         digits = max(15, precision.digits)
         eigenvalues = equilibrium(
@@ -240,7 +240,7 @@ class PeriodAsymptotics:
         Args:
             above: Omega - Omega_h [rad/s]; negative below Omega_h.
         """
-        ctx, target = self._ctx, quotient(self._ctx, above)
+        ctx, target = self._ctx, rational_in_context(self._ctx, above)
         # The larger of the two terms gives the start.
         ahead = max(
             ctx.log(term / target) / rate

@@ -132,7 +132,7 @@ class GlobalMap:
         )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
-        self.u_1 = EXTENDED.type(choice.share * chart.convergence_radius(0))
+        self.u_1 = EXTENDED.number_type(choice.share * chart.convergence_radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
             chart, choice.share * self.arriving.at(EXTENDED.number(0)).convergence_radius(1)
@@ -249,7 +249,9 @@ class GlobalMap:
         ]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
-        coefficients = numpy.zeros((count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
+        coefficients = numpy.zeros(
+            (count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.number_type
+        )
         for (k, n), row in zip(powers, solve_linear(matrix, values), strict=True):
             coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
         coefficients[0, 0, 0] = 0
@@ -396,7 +398,7 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
         time_by_sigma: The derivative of the passage's time with respect to sigma [s].
     """
     first, last = rest[0], rest[-1]
-    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
+    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.number_type)
     ahead = first.chart.flow(slow, first.time)
     if first is not last:
         turned = first.image * last.image * first.chart.derivative(first.end)
@@ -410,7 +412,9 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
         (rates, slow, fast / abs(fast).max()), axis=1
     )
     along = rho * (1 - multiplier) - kappa * time_by_sigma
-    images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
+    images = basis @ numpy.array(
+        [[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.number_type
+    )
     return solve_linear(basis.T, images.T).T
 
 

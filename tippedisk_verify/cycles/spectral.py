@@ -98,7 +98,7 @@ def spectral_cycle(
             is out of range.
         NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
-    parameters.refuse_two_sides("harmonic balance is")
+    parameters.refuse_two_sided_law("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and integer_between(harmonics, 1, _MAX_HARMONICS) is None:
         raise InputError(
@@ -199,7 +199,7 @@ def spectral_rotation(
         InputError: If the law has two sides, or the speed is not positive.
         NoSuchCycleError: If collocation finds no such cycle.
     """
-    parameters.refuse_two_sides("spectral collocation is")
+    parameters.refuse_two_sided_law("spectral collocation is")
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     start = rotation_at(parameters, float(speed), stable)
@@ -268,7 +268,7 @@ def spectral_fold(
         InputError: If the law has two sides.
         NoSuchCycleError: If collocation finds no fold.
     """
-    parameters.refuse_two_sides("spectral collocation is")
+    parameters.refuse_two_sided_law("spectral collocation is")
     digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 

@@ -21,11 +21,11 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import refuse_qualified, short_text
+from tippedisk_verify.model.exact import refuse_units_and_masks, short_text
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.model.results import Printable, numbers_as_json
 
 __all__ = [
     "BETA_EXTREME",
@@ -311,10 +311,10 @@ class EventRecord(Printable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the recorded crossing as data for JSON."""
-        state = zip(STATE_NAMES, with_widths(self.state, self.uncertainty), strict=True)
+        state = zip(STATE_NAMES, numbers_as_json(self.state, self.uncertainty), strict=True)
         return {
             "name": self.name,
-            "t": with_widths(self.time, self.time_uncertainty),
+            "t": numbers_as_json(self.time, self.time_uncertainty),
             **dict(state),
         }
 
@@ -429,7 +429,7 @@ def raise_unless_usable(result: Result) -> Result:
 
 
 def _check_state(state: Sequence[object]) -> None:
-    refuse_qualified(state)
+    refuse_units_and_masks(state)
     try:
         count = len(state)
     except TypeError:  # a single number
@@ -444,7 +444,7 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
         raise InputError("the list of sample times is empty: leave it out instead")
     try:
         # Above double, times that are equal as doubles may still differ.
-        values = precision.sequence(times)
+        values = precision.as_array(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if values.ndim != 1:

@@ -64,7 +64,7 @@ class Defect:
     def __init__(self, request: Request, series: Series, wide: Precision, nodes: int) -> None:
         self._series, self._coefficients, self._wide_precision = series, series.coefficients, wide
         self._places, self._weights, self._basis = _gauss(nodes)
-        ends = series.times.astype(wide.type)
+        ends = series.times.astype(wide.number_type)
         lengths = (ends[1:] - ends[:-1])[:, None]
         self._steps = lengths.astype(float)
         self._terms = abs(
@@ -81,7 +81,7 @@ class Defect:
         self._vector_field = vector_field(
             ops, request.parameters.constants_in(wide), wide.number(request.omega), law
         )
-        places = lengths * self._places.astype(wide.type)
+        places = lengths * self._places.astype(wide.number_type)
         self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))
         setting = ops, request.parameters.constants_in(DOUBLE), DOUBLE.number(request.omega), law
         in_doubles = self._nodes.astype(float)
@@ -106,7 +106,7 @@ class Defect:
         solved = self._solve_collocation(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]
         self._propagators = numpy.eye(3) + self._error_gains(self._homogeneous)
-        starts = series.coefficients[0].astype(wide.type)
+        starts = series.coefficients[0].astype(wide.number_type)
         gained = self._error_gains(solved[..., 3:])
         gained[:-1, :, 0] += (self._polynomial(lengths)[:, :-1, 0] - starts[:, 1:]).T.astype(float)
         start = (wide.array(request.state) - starts[:, 0]).astype(float)
@@ -205,7 +205,7 @@ class Defect:
             self._series.step_of(times.astype(float)), minlength=len(self._steps)
         )
         since = times - numpy.repeat(self._series.times[:-1], counts).astype(
-            self._wide_precision.type
+            self._wide_precision.number_type
         )
         lengths = numpy.repeat(self._steps[:, 0], counts)
         errors = numpy.repeat(self.errors[:-1].T, counts, axis=1)
@@ -263,7 +263,7 @@ class Defect:
             An array (3, n, k) or (3, k).
         """
         terms = self._coefficients
-        first = terms[: self._wide_terms + derivative].astype(self._wide_precision.type)
+        first = terms[: self._wide_terms + derivative].astype(self._wide_precision.number_type)
         if derivative:  # in doubles the products of the first terms would be rounded
             powers = numpy.arange(1, len(terms))[:, None, None]
             terms, first = terms[1:] * powers, first[1:] * powers[: len(first) - 1]
@@ -275,7 +275,7 @@ class Defect:
         for term in terms[: len(first) - 1 : -1]:
             total *= in_doubles
             total += spread(term)
-        total = total.astype(self._wide_precision.type)
+        total = total.astype(self._wide_precision.number_type)
         for term in first[::-1]:
             total *= since
             total += spread(term)

@@ -25,7 +25,7 @@ from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import SURFACE_ROUNDINGS
 from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, wider_precision
 
 __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "half_widths_from_defect"]
 
@@ -162,7 +162,7 @@ def half_widths_from_defect(request: Request, result: Result) -> Result | None:
 
 def _has_arrays_of(wide: Precision) -> bool:
     """Return True if this machine can compute with arrays of numbers of the precision ``wide``."""
-    return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
+    return wide in (wider_precision(DOUBLE), wider_precision(wider_precision(DOUBLE)))
 
 
 def _reaches_digits(digits: int, result: Result) -> bool:
@@ -186,7 +186,7 @@ def _reaches_digits(digits: int, result: Result) -> bool:
 def _refine(request: Request, result: Result, method: _DefectMethod) -> Result:
     run = _RunWithError(request, result, method)
     times = (
-        numpy.empty(0) if request.times is None else method.wide_precision.sequence(request.times)
+        numpy.empty(0) if request.times is None else method.wide_precision.as_array(request.times)
     )
     reached = times[abs(times.astype(float)) <= abs(result.time)]
     crossings = [run.crossing(record) for record in result.events]
@@ -471,9 +471,9 @@ class _RunWithError:
                 inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.touch_samples)
                 finer = self._event_values_in_doubles(
                     event,
-                    self._defect.evaluate_at(inside.astype(self.wide_precision.type))[0].astype(
-                        float
-                    ),
+                    self._defect.evaluate_at(inside.astype(self.wide_precision.number_type))[
+                        0
+                    ].astype(float),
                 )
                 if len(_possible_touches(inside, finer, _LIMITS.touch_share)):
                     raise FirstOrderFails

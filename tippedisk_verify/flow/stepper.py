@@ -63,7 +63,7 @@ class Series:
             steps: For each step the time of its end [s] and its polynomials (k, order + 1), those
                 of the state first.
         """
-        element = object if precision.kind == "real" else precision.type
+        element = object if precision.kind == "real" else precision.number_type
         self._precision = precision
         #: (n + 1,) [s]
         self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)
@@ -81,7 +81,7 @@ class Series:
 
         Besides the state there may be derivatives and the integral of the divergence.
         """
-        wanted = self._precision.sequence(times)
+        wanted = self._precision.as_array(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
         total = self.coefficients[-1][:, step]
@@ -104,7 +104,7 @@ class Series:
         """
         if request.times is None:
             return None
-        times = self._precision.sequence(request.times)
+        times = self._precision.as_array(request.times)
         return self.values(
             times if status is Status.REACHED else times[abs(times) <= abs(self.times[-1])]
         )
@@ -135,7 +135,7 @@ def _grid_of(request: Request, duration: Any) -> Any:
         return None
     if request.estimated_by_defect or request.dense:
         return None
-    inside = DOUBLE.sequence(times)
+    inside = DOUBLE.as_array(times)
     inside = inside[(inside != 0) & (abs(inside) < abs(duration))]
     return numpy.concatenate(([0.0], inside, [duration]))
 
@@ -169,7 +169,11 @@ class CompiledStepper:
         self._terminal = [event for event in built if event.terminal]
         if two_sided:
             self._friction_sign = FrictionSign(precision, watched, self._records)
-        options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
+        options: dict[str, Any] = {
+            "fp_type": precision.number_type,
+            "compact_mode": compact,
+            **chosen,
+        }
         if precision.kind == "real":
             options["prec"] = precision.bits
         if request.tolerance is not None:
@@ -222,7 +226,7 @@ class CompiledStepper:
 
         Those of the request come first, then those that change the friction law's side.
         """
-        hy, fp_type = heyoka_module(), self.precision.type
+        hy, fp_type = heyoka_module(), self.precision.number_type
         # An event that has fired is not seen again for as long as a start on its surface lasts.
         # heyoka's own waiting time comes from the tolerance. It is too short where the orbit only
         # touches the surface. It is too long after a switch of the branch at a loose tolerance: the
@@ -260,7 +264,7 @@ class CompiledStepper:
         """Return heyoka's event that records crossings of an event's surface without ending the
         run.
         """
-        name, records, owned = event.name, self._records, self.precision.owned
+        name, records, owned = event.name, self._records, self.precision.copy_array
 
         def record(stepper: Any, when: Any, sign: int) -> None:
             stepper.update_d_output(when)
@@ -270,7 +274,7 @@ class CompiledStepper:
             self._crossings[name],
             record,
             direction=direction_of(event),
-            fp_type=self.precision.type,
+            fp_type=self.precision.number_type,
         )
 
     def run(self, request: Request) -> Result:
@@ -384,7 +388,7 @@ class CompiledStepper:
         A step that is there already is not appended again. The callback returns True, so that the
         run continues.
         """
-        rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
+        rows, zero, owned = self._kept_rows, self._zero, self.precision.copy_array
 
         def keep(stepper: Any) -> bool:
             end = stepper.time
@@ -468,7 +472,7 @@ class CompiledStepper:
         stepper.step(target, write_tc=True)
         stepper.update_d_output(target)
         ahead = stepper.d_output.tolist()
-        terms = self.precision.owned(stepper.tc[: self._kept_rows])
+        terms = self.precision.copy_array(stepper.tc[: self._kept_rows])
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on_surfaces.names]
         # The branch, too, must be the same all the way, and not in doubt at the start
@@ -518,13 +522,13 @@ class CompiledStepper:
         event = self._terminal[index]
         self._records.append(
             EventRecord(
-                event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])
+                event.name, self._stepper.time, self.precision.copy_array(self._stepper.state[:3])
             )
         )
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
     def _result(self, request: Request, status: Status, steps: int) -> Result:
-        final, derivatives, divergence = self.precision.owned(self._stepper.state), None, None
+        final, derivatives, divergence = self.precision.copy_array(self._stepper.state), None, None
         whole, size = final, self._size
         if self._identity is not None:
             if self._divergence:
@@ -544,7 +548,7 @@ class CompiledStepper:
         if series is not None and not request.estimated_by_defect:
             samples = series.samples(request, status)
         elif self._grid is not None:
-            times = DOUBLE.sequence(request.times)
+            times = DOUBLE.as_array(request.times)
             first, last = (int(times[end] == self._grid[end]) for end in (0, -1))
             samples = self._rows[1 - first : len(self._grid) - 1 + last, : self._kept_rows]
         if samples is not None and derivatives is not None:

@@ -43,7 +43,7 @@ class FrictionSign:
         self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]
     ) -> None:
         self._watched, self._records = watched, records
-        self._one, self._owned = precision.number(1), precision.owned
+        self._one, self._owned = precision.number(1), precision.copy_array
         self._epsilon = float(precision.epsilon)
         self._window = precision.number(MIN_TIME_ON_SURFACE)
         # The time [s] after a switch for which the branches, which differ by gamma_y squared, agree

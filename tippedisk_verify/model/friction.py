@@ -62,7 +62,7 @@ class FrictionLaw:
     positive gamma_y. It is one expression for every kind of number: floats, arrays, expressions of
     heyoka, numbers of mpmath.
 
-    - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of
+    - ``ops`` has the functions that `precision.FUNCTION_NAMES` lists. Apply them to expressions of
       ``gamma_y`` and ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a
       double.
     - ``c`` has the parameters m, g, mu and epsilon, and pi.

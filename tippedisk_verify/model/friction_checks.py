@@ -8,14 +8,14 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import FORCE_CONSTANTS, FrictionLaw, constants_used
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
-    companion,
     heyoka_types,
     precision_of_bits,
+    wider_precision,
 )
 
 __all__ = ["refuse_unusable"]
@@ -77,11 +77,11 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
 
     Also refuse a force with a constant that is rounded to a double.
     """
-    ctx, wide = precision_of_bits(_CHECK_BITS).context, companion(EXTENDED)
+    ctx, wide = precision_of_bits(_CHECK_BITS).context, wider_precision(EXTENDED)
     c, wide_c = parameters.constants_in_context(ctx), parameters.constants_in(wide)
     velocities = [share * parameters.epsilon for share in _VELOCITIES]
-    forward = [law.deceleration(ctx, quotient(ctx, x), c) for x in velocities]
-    backward = [law.deceleration(ctx, -quotient(ctx, x), c) for x in velocities]
+    forward = [law.deceleration(ctx, rational_in_context(ctx, x), c) for x in velocities]
+    backward = [law.deceleration(ctx, -rational_in_context(ctx, x), c) for x in velocities]
     if not all(ctx.isfinite(rate) for rate in forward + backward):
         raise InputError(f"{problem} has a force that is not a finite number")
     if not all(rate > 0 for rate in forward):

@@ -29,7 +29,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.flow.system import constant_derivatives
-from tippedisk_verify.model.arrays import half_widths, numpy_safe, round_to_doubles
+from tippedisk_verify.model.arrays import half_widths_in_doubles, numpy_safe, round_to_doubles
 from tippedisk_verify.model.exact import Exact, as_list, exact, short_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
@@ -38,8 +38,8 @@ from tippedisk_verify.model.precision import (
     Precision,
     bits_for_digits,
     checked_digits,
-    companion,
     precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
@@ -105,7 +105,7 @@ class Motion:
             self._times, times = since_start(start, end, as_list(t_eval))
         elif length := float(end - start):
             self._times = EvenTimes(start, end, _SAMPLES)
-            extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
+            extended = wider_precision(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
             quick = corrected and extended and abs(length) > _MIN_DURATION
             times = EvenTimes(exact(0), end - start, _SAMPLES)
             if quick:
@@ -184,7 +184,7 @@ class Motion:
             times = (
                 asked.rounded(precision)
                 if isinstance(asked, EvenTimes)
-                else precision.sequence(asked)
+                else precision.as_array(asked)
             )
             uncertainty = (
                 numpy.full(samples.shape, numpy.inf) if error.samples is None else error.samples
@@ -204,7 +204,7 @@ class Motion:
             omega=request.omega,
             t=numpy_safe(times),
             y=numpy_safe(samples.T),
-            uncertainty=half_widths(uncertainty.T),
+            uncertainty=half_widths_in_doubles(uncertainty.T),
             status=result.status,
             end=end,
             events=tuple(self._since_zero(record, precision) for record in events),
@@ -240,7 +240,11 @@ def _rounded_even_times(length: Exact) -> Any:
     """Return `_SAMPLES` even times from 0 to a length [s], in the extended numbers of the error
     estimate.
     """
-    return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
+    return (
+        numpy.arange(_SAMPLES).astype(EXTENDED.number_type)
+        * EXTENDED.number(length)
+        / (_SAMPLES - 1)
+    )
 
 
 def _note(request: Request) -> str:
@@ -294,7 +298,7 @@ def _derivatives(
         # A factor 1 and a single term are not rounded.
         roundings = [len(row) - (factor == 1) for factor in factors]
         width = sum(
-            half_widths(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
+            half_widths_in_doubles(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
             + k * float(precision.epsilon) * round_to_doubles(abs(term))
             for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
         )

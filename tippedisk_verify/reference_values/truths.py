@@ -24,7 +24,7 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import STATE_NAMES, equation_terms, jacobian, shifted_ops
-from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
@@ -174,7 +174,7 @@ def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
     """
     return (
         case.disk.constants_in_context(ctx),
-        *(quotient(ctx, case.inputs[name]) for name in names),
+        *(rational_in_context(ctx, case.inputs[name]) for name in names),
     )
 
 
@@ -411,7 +411,7 @@ def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
     """
-    quarter = sum(_HALF_PI.enclosed(WIDER_BITS)) / 2 if shift else Fraction(0)
+    quarter = sum(_HALF_PI.bounds(WIDER_BITS)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
             fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),

@@ -330,7 +330,7 @@ def period_of(frequency: Measured, digits: int) -> Measured:
         frequency: The angular frequency [rad/s].
         digits: The digits of pi.
     """
-    low, high = PI.enclosed(bits_for_digits(digits))
+    low, high = PI.bounds(bits_for_digits(digits))
     return Measured(low + high, high - low) / frequency
 
 
@@ -347,7 +347,7 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     Raises:
         InputError: If the number of digits cannot be used, or the friction law has two sides.
     """
-    parameters.refuse_two_sides("the Hopf point's normal form is")
+    parameters.refuse_two_sided_law("the Hopf point's normal form is")
     law = amplitude_law(parameters)
     numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
     coefficients = {

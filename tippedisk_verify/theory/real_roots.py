@@ -15,7 +15,7 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import bits_for_digits, precision_of_bits
 
@@ -121,6 +121,6 @@ def square_root(square: Measured | Fraction, digits: int) -> Measured:
     """
     number = square if isinstance(square, Measured) else Measured(square, Fraction(0))
     precision = precision_of_bits(bits_for_digits(digits))
-    root = fraction(precision.context.sqrt(quotient(precision.context, number.value)))
+    root = fraction(precision.context.sqrt(rational_in_context(precision.context, number.value)))
     # Two roundings, and twice the effect of the half-width, which is small against the number.
     return Measured(root, 2 * root * precision.epsilon + number.uncertainty / root)

@@ -179,7 +179,7 @@ class _TapeSeries:
 
     def __init__(self, tape: _Tape, rule: Callable[[int, slice], Any] | None = None) -> None:
         self.tape, self.rule = tape, rule
-        self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.type)
+        self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.number_type)
         tape.series.append(self)
 
     @property

@@ -35,7 +35,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.model.equations import jacobian, vector_field
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import precision_of_bits
@@ -82,7 +82,7 @@ class Saddle:
     @cached_property
     def speed(self) -> Any:
         """The spinning speed [rad/s], as a number of `context`."""
-        return quotient(self.context, self.omega)
+        return rational_in_context(self.context, self.omega)
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
@@ -95,7 +95,7 @@ class Saddle:
                 "noninverted spinning is a saddle-focus here: a connection of saddles is not "
                 "looked for"
             )
-        unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
+        unstable, slow, fast = (rational_in_context(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
             raise NoConnectionError(
                 "noninverted spinning is not a saddle with one unstable direction here"
@@ -116,7 +116,8 @@ class Saddle:
                 linearization(self.parameters, self.omega, "noninverted"), value
             )
             entries = [
-                quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector
+                rational_in_context(ctx, entry) if isinstance(entry, Fraction) else entry
+                for entry in vector
             ]
             largest = max(entries, key=abs)
             vectors.append([entry / largest for entry in entries])
@@ -157,7 +158,8 @@ class Saddle:
             (beta_bar [rad], gamma_bar [rad], v [rad/s]).
         """
         beta, gamma, v = (
-            component.at(quotient(self.context, distance)) for component in self.unstable_curve
+            component.at(rational_in_context(self.context, distance))
+            for component in self.unstable_curve
         )
         return [sign * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
@@ -206,7 +208,7 @@ class Saddle:
         ``direction_index`` is 0 for the unstable manifold and 1 for the slow stable one.
         """
         parameters, side = self.parameters, self.law_side(direction_index)
-        number = partial(quotient, self.context)
+        number = partial(rational_in_context, self.context)
         law = parameters.law.taylor_polynomial(
             parameters, self.working_bits, self.order, side, number
         )

@@ -29,7 +29,13 @@ import gmpy2
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, equation_terms
-from tippedisk_verify.model.exact import exact, fraction, integer_between, quotient, short_text
+from tippedisk_verify.model.exact import (
+    exact,
+    fraction,
+    integer_between,
+    rational_in_context,
+    short_text,
+)
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Constants, Parameters
@@ -386,7 +392,7 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
 
         def trace(speed: Any) -> Any:
             linearised = reduced_equilibrium(parameters, speed, "inverted", order, working_bits)
-            return quotient(ctx, fraction(linearised.trace))
+            return rational_in_context(ctx, fraction(linearised.trace))
 
         try:
             return ctx.findroot(

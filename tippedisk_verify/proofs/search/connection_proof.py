@@ -20,7 +20,7 @@ from typing import Any, ClassVar, NamedTuple
 from flint import arb, arb_mat
 
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_up
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_up
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -509,4 +509,4 @@ def _share_of_reach(curve: ManifoldGraph) -> Any:
 def _decimal_above(x: Any) -> Fraction:
     """Return a decimal of two digits above all sizes in the ball."""
     enclosure = widened(ball_to_measured(abs(x)))
-    return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))
+    return Fraction(round_up(enclosure.value + enclosure.uncertainty))
