@@ -38,7 +38,7 @@ class Prepared:
     """An integrator set up for a problem of the comparison, ready to run."""
 
     run: Callable[[float], Any]  #: integrates to a time [s] and returns the state there
-    sampled: Callable[[], MethodRun]  #: integrates to the end and returns the samples
+    run_with_samples: Callable[[], MethodRun]  #: integrates to the end and returns the samples
     clock: Callable[[], float | None] | None = None  #: seconds of the last run by its own clock
 
 
@@ -50,8 +50,8 @@ class Method:
     family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]  #: does what is done once: compiling, allocating
-    fits: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
-    patience: float = 0.3  #: [s]; after a longer run its tighter settings are left out
+    can_solve: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
+    max_run_seconds: float = 0.3  #: [s]; after a longer run its tighter settings are left out
 
     def label(self, setting: Any) -> str:
         """Return a setting of the method, such as a tolerance, as text."""
@@ -113,7 +113,7 @@ def _with_half_widths(problem: Problem, digits: int) -> Prepared:
     return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 
-def _bare(problem: Problem, name: str) -> Prepared:
+def _heyoka_alone(problem: Problem, name: str) -> Prepared:
     """Prepare a run of heyoka alone on a problem of the comparison, as its manual shows.
 
     It shows the time that this package adds.
@@ -163,7 +163,7 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
     return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 
-def _compiled(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, Any], Any]:
+def _compile(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, Any], Any]:
     """Compile the linear law's right-hand side or its Jacobian to machine code.
 
     Args:
@@ -185,9 +185,9 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     def prepare(problem: Problem, tolerance: float) -> Prepared:
         from scipy.integrate import solve_ivp
 
-        rates = _compiled(problem, vector_field)
+        rates = _compile(problem, vector_field)
         options = (
-            {"jac": _compiled(problem, jacobian)} if method in ("LSODA", "Radau", "BDF") else {}
+            {"jac": _compile(problem, jacobian)} if method in ("LSODA", "Radau", "BDF") else {}
         )
 
         def solve(times: Any = None, duration: float = problem.duration) -> Any:
@@ -213,12 +213,12 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     return prepare
 
 
-def _linear(problem: Problem) -> bool:
+def _has_linear_law(problem: Problem) -> bool:
     return problem.parameters.law.is_linear
 
 
 BENCH_METHODS: tuple[Method, ...] = (
-    Method("bare heyoka", "bare", tuple(_PRECISIONS), _bare, _linear),
+    Method("bare heyoka", "bare", tuple(_PRECISIONS), _heyoka_alone, _has_linear_law),
     Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor)),
     Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor, fast_math=True)),
     Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), _engine(Taylor, high_accuracy=True)),
@@ -229,6 +229,10 @@ BENCH_METHODS: tuple[Method, ...] = (
         for name in ("RK45", "LSODA", "Radau", "BDF")
     ),
     Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(ScipyEngine, "DOP853")),
-    Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
-    Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
+    Method(
+        "scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _has_linear_law
+    ),
+    Method(
+        "scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _has_linear_law
+    ),
 )
