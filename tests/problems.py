@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tests.model import transcription as paper
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import Exact, exact, quotient
+from tippedisk_verify.model.exact import Exact, exact, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.theory.hopf import omega_crit
@@ -92,7 +92,7 @@ def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> Pap
 
     The state may be complex.
     """
-    c = parameters.within(mpmath.mp)
+    c = parameters.constants_in_context(mpmath.mp)
     r, e, m, A, Bbar = c.r, c.e, c.m, c.A, c.Bbar
     beta, gamma, v = state
     gamma_y = sum(paper.lateral_sliding_velocity(r, e, omega, beta, gamma, v))
@@ -108,6 +108,6 @@ def paper_terms(parameters: Parameters, omega: Any, state: Sequence[Any]) -> Pap
 
 def paper_rates(parameters: Parameters, omega: Fraction, state: Sequence[Any]) -> list[Any]:
     """The vector field by `paper_terms`."""
-    speed, (beta, _, v) = quotient(mpmath.mp, omega), state
+    speed, (beta, _, v) = rational_in_context(mpmath.mp, omega), state
     mass, gyroscopic, *forces = paper_terms(parameters, speed, state)
     return list(paper.state_rates(sum(mass), sum(gyroscopic), *forces, speed, beta, v))

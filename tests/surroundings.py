@@ -142,7 +142,7 @@ CALLS: dict[str, Callable[[], Any]] = {
     "collocation_cycle": lambda: tv.collocation_cycle(DISK, "30.4"),
     "basins": lambda: tv.basins(DISK, "30.4", count=30, duration=5),
     "bisect_omega_h": lambda: tv.bisect_omega_h(DISK, tv.Taylor(), confirm=False),
-    "bits": lambda: tv.bits(100),
+    "precision_of_bits": lambda: tv.precision_of_bits(100),
     "compare": lambda: [
         tv.compare(ID, answer) for answer in (0.88, "0.886", tv.Measured.of("8867/10000", 0))
     ],

@@ -61,7 +61,7 @@ class _Sweep:
 @pytest.fixture
 def sweep(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _Sweep:
     assert main([*_HOPF, "--executor", "serial", "--out", str(tmp_path / "serial.csv")]) == 0
-    monkeypatch.setattr(running, "_MAX_AHEAD", 4)
+    monkeypatch.setattr(running, "_MAX_QUEUED_POINTS", 4)
     return _Sweep(tmp_path, (tmp_path / "serial.csv").read_bytes())
 
 

@@ -179,9 +179,9 @@ def test_units_are_those_of_the_reference_data() -> None:
         # name here.
         if (
             quantity.kind in ("hopf", "limit-cycle", "heteroclinic")
-            and results.heading(name) != name
+            and results.column_heading(name) != name
         ):
-            assert results.heading(name) == f"{name} [{quantity.unit}]"
+            assert results.column_heading(name) == f"{name} [{quantity.unit}]"
             compared.add(name)
     assert {
         "omega_crit",
@@ -192,7 +192,7 @@ def test_units_are_those_of_the_reference_data() -> None:
         "omega_h",
         "dperiod_domega",
     } <= compared
-    assert results.heading("multiplier_slow") == "multiplier_slow"
+    assert results.column_heading("multiplier_slow") == "multiplier_slow"
 
 
 def test_a_quantity_has_one_unit() -> None:

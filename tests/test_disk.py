@@ -239,7 +239,9 @@ def test_derivatives_by_parameters_hold_differences(named, friction, symbols) ->
             )
             for sign in (1, -1)
         )
-        truth = ((ahead.y - behind.y) / tv.bits(160).number(2 * step * value)).astype(float)
+        truth = ((ahead.y - behind.y) / tv.precision_of_bits(160).number(2 * step * value)).astype(
+            float
+        )
         slope = mine.by[symbol]
         rounding = numpy.spacing(abs(truth))  # of the truth to a double
         assert (abs(slope.y - truth) <= slope.uncertainty + rounding).all()

@@ -164,7 +164,7 @@ def test_the_numbers_of_the_first_page() -> None:
             "Omega_crit": tv.omega_crit(parameters, 25),
             "T_crit": tv.period_crit(parameters, 25),
             "A_33": Measured.of(stiff_eigenvalue_estimate(parameters), 0),
-            "chi": Measured.of(chi(parameters.rational(), "printed"), 0),
+            "chi": Measured.of(chi(parameters.rational_constants(), "printed"), 0),
             "Omega_h": tv.reference(f"{set_name}/linear/heteroclinic/point/omega_h").measured(),
         }
         for name, truth in truths.items():

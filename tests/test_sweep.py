@@ -16,7 +16,7 @@ from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
-from tippedisk_verify.sweep.plan import Plan, axis, run_analysis
+from tippedisk_verify.sweep.plan import SweepPlan, parse_axis, run_analysis
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -25,7 +25,7 @@ def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], objec
 
     The last of them is not in the journal yet.
     """
-    original, seen = running._line, []
+    original, seen = running._journal_line, []
 
     def line(index: int, row: dict[str, str]) -> bytes:
         seen.append(index)
@@ -33,7 +33,7 @@ def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], objec
             action()
         return original(index, row)
 
-    patch.setattr(running, "_line", line)
+    patch.setattr(running, "_journal_line", line)
 
 
 @contextmanager
@@ -53,9 +53,9 @@ def asked() -> Iterator[list[int]]:
 
 # ------------------------------------------------------------------------------------------ points
 def test_ranges_are_exact() -> None:
-    assert axis("omega=30.1:30.4:4") == ("omega", ("30.1", "30.2", "30.3", "30.4"))
-    assert axis("e=0:1:4") == ("e", ("0", "1/3", "2/3", "1"))
-    assert axis("gamma=pi/2,1.2") == ("gamma", ("pi/2", "1.2"))
+    assert parse_axis("omega=30.1:30.4:4") == ("omega", ("30.1", "30.2", "30.3", "30.4"))
+    assert parse_axis("e=0:1:4") == ("e", ("0", "1/3", "2/3", "1"))
+    assert parse_axis("gamma=pi/2,1.2") == ("gamma", ("pi/2", "1.2"))
 
 
 @pytest.mark.parametrize(
@@ -122,7 +122,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------- journals
-_TEN = Plan("hopf", PRINTED, (axis("g=9.0:9.9:10"),), digits=3)
+_TEN = SweepPlan("hopf", PRINTED, (parse_axis("g=9.0:9.9:10"),), digits=3)
 
 
 def _swept(out: Path) -> list[int]:
@@ -136,8 +136,10 @@ def _swept(out: Path) -> list[int]:
 def interrupted(tmp_path: Path) -> tuple[Path, bytes, bytes]:
     """Return a file that does not exist yet, its journal with four rows, and its final bytes."""
     assert _swept(tmp_path / "whole.csv") == list(range(10))
-    lines = [running._line(n, row) for n, row in enumerate(rows_of(tmp_path / "whole.csv")[:4])]
-    (tmp_path / ".a.csv.journal").write_bytes(running._head(_TEN) + b"".join(lines))
+    lines = [
+        running._journal_line(n, row) for n, row in enumerate(rows_of(tmp_path / "whole.csv")[:4])
+    ]
+    (tmp_path / ".a.csv.journal").write_bytes(running._journal_header(_TEN) + b"".join(lines))
     return (
         tmp_path / "a.csv",
         (tmp_path / ".a.csv.journal").read_bytes(),
@@ -172,7 +174,7 @@ def test_a_journal_is_continued_up_to_its_last_whole_line(
 
 @pytest.mark.parametrize(
     ("what", "words"),
-    [("code_version", "other code, named in its first line"), ("_head", "another sweep")],
+    [("code_version", "other code, named in its first line"), ("_journal_header", "another sweep")],
 )
 def test_a_journal_of_another_run_is_refused_and_kept(
     what: str, words: str, interrupted: tuple[Path, bytes, bytes], monkeypatch: pytest.MonkeyPatch
@@ -199,7 +201,7 @@ def test_a_process_that_is_killed_changes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     printed(f"{_HOPF} --executor serial --out {tmp_path / 'serial.csv'}")
-    monkeypatch.setattr(running, "_MAX_AHEAD", 4)
+    monkeypatch.setattr(running, "_MAX_QUEUED_POINTS", 4)
     after_rows(monkeypatch, 5, lambda: active_children()[0].kill())
     printed(f"{_HOPF} --out {tmp_path / 'a.csv'}")
     assert (tmp_path / "a.csv").read_bytes() == (tmp_path / "serial.csv").read_bytes()

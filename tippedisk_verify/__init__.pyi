@@ -36,7 +36,7 @@ from tippedisk_verify.model.precision import DOUBLE as DOUBLE
 from tippedisk_verify.model.precision import EXTENDED as EXTENDED
 from tippedisk_verify.model.precision import QUADRUPLE as QUADRUPLE
 from tippedisk_verify.model.precision import Precision as Precision
-from tippedisk_verify.model.precision import bits as bits
+from tippedisk_verify.model.precision import precision_of_bits as precision_of_bits
 from tippedisk_verify.motion.basins import basins as basins
 from tippedisk_verify.motion.saved_results import load as load
 from tippedisk_verify.motion.scenes import SCENES as SCENES

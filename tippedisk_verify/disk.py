@@ -18,9 +18,9 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import (
     checked_speed,
     checked_speeds,
-    field,
     jacobian,
     require_one_speed,
+    vector_field,
 )
 from tippedisk_verify.model.exact import fraction, short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw
@@ -323,7 +323,7 @@ class Disk(Parameters):
         """
         from tippedisk_verify.model.arrays import ArrayFunction
 
-        return ArrayFunction(field, self, omega)
+        return ArrayFunction(vector_field, self, omega)
 
     def jacobian(self, omega: object) -> Callable[[object, Any], Array]:
         """Return the derivative of `rhs` with respect to the state as ``jac(t, y)``.

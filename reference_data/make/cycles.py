@@ -17,10 +17,10 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import Precision, bits
+from tippedisk_verify.model.precision import Precision, precision_of_bits
 from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
@@ -102,7 +102,9 @@ class _Period:
         mpf, number, state = precision.mpf, precision.number, self.result.state
         #: Derivatives of (beta, gamma, v) at the end with respect to the start and Omega.
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
-        rates = field(precision.ops, case.disk.at(precision), number(omega), case.disk.friction)
+        rates = vector_field(
+            precision.ops, case.disk.constants_in(precision), number(omega), case.disk.friction
+        )
         self.flow = [mpf(rate) for rate in rates(*state)]  #: (beta', gamma', v') at the end
         aims = [angle, PI * Fraction(3, 2), free[1]] if rotating else start
         #: The end minus the start; for a rotating cycle, gamma is first reduced by a turn. The
@@ -193,7 +195,7 @@ def whole_period(case: Case, values: Values) -> Values:
     if case.item.kind == "near-heteroclinic":
         above = case.inputs["Omega"] - omega_h_for(case)
         zeros = len(str(above.denominator // above.numerator))
-    precision = bits(_BITS if _rotates(case) else 220 + 8 * zeros)
+    precision = precision_of_bits(_BITS if _rotates(case) else 220 + 8 * zeros)
     names = ("beta_bar_0" if _rotates(case) else "gamma_bar_0", "v_0", "period")
     numbers = [values[name].value for name in names]
     for _ in range(2):
@@ -221,7 +223,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
         case: The question in one reading.
         values: The numbers to confirm.
     """
-    names, precision = ("beta_bar_0", "v_0", "period", "omega"), bits(_BITS)
+    names, precision = ("beta_bar_0", "v_0", "period", "omega"), precision_of_bits(_BITS)
     at = [Fraction(float(values[name])) for name in names]
 
     def flown(beta_bar: Fraction, v: Fraction, time: Fraction, omega: Fraction) -> _Period:

@@ -10,11 +10,11 @@ import numpy
 
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.equations import field, terms
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.equations import equation_terms, vector_field
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.reference_values.questions import Case, Values
 from tippedisk_verify.reference_values.truths import (
     BITS,
@@ -44,9 +44,9 @@ def _compiled(law: Any, working: int) -> Any:
     )
     par = dict(zip(names, (hy.par[n] for n in range(len(names))), strict=True))
     constants = Constants(**{name: par.get(name) for name in Constants._fields})
-    rate = field(hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ()))(
-        *state
-    )[2]
+    rate = vector_field(
+        hy, constants, par["omega"], law, *((par["side"],) if law == "smooth" else ())
+    )(*state)[2]
     outputs = [rate, *(hy.diff(rate, variable) for variable in state)]
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
@@ -61,17 +61,18 @@ def symbolic(case: Case, values: Values) -> Values:
 
 
 def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
-    precision = bits(ctx.prec)
+    precision = precision_of_bits(ctx.prec)
     function, names = _compiled(case.disk.friction, ctx.prec)
-    constants, number = case.disk.at(precision), precision.number
+    constants, number = case.disk.constants_in(precision), precision.number
     state = [case.inputs[name] for name in ("beta", "gamma", "v")]
-    place = (quotient(ctx, value) for value in (case.inputs["Omega"], *state))
-    sliding = terms(ctx, case.disk.within(ctx), *place).sliding_velocity
+    place = (rational_in_context(ctx, value) for value in (case.inputs["Omega"], *state))
+    sliding = equation_terms(ctx, case.disk.constants_in_context(ctx), *place).sliding_velocity
     others = {"omega": number(case.inputs["Omega"]), "side": number(1 if sliding >= 0 else -1)}
     pars = [others[name] if name in others else getattr(constants, name) for name in names]
     # Compiled functions take heyoka's own arrays only.
     arrays = (
-        numpy.array(numbers, dtype=precision.type) for numbers in (list(map(number, state)), pars)
+        numpy.array(numbers, dtype=precision.number_type)
+        for numbers in (list(map(number, state)), pars)
     )
     outputs = function(next(arrays), pars=next(arrays))
     return dict(
@@ -91,17 +92,17 @@ def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
     The equations are Routh-Hurwitz, the derivative of the characteristic polynomial, and the slopes
     of the consistent one-harmonic law.
     """
-    speed = ctx.sqrt(quotient(ctx, hopf.omega_crit_squared(case.disk)))
+    speed = ctx.sqrt(rational_in_context(ctx, hopf.omega_crit_squared(case.disk)))
     matrix = linearization(case.disk, fraction(speed))
     # lambda^3 - A33 lambda^2 - A31 lambda - Omega A32 with A31 = const - Omega^2 and A32
     # proportional to Omega.
     a33, a31, a32 = (
-        quotient(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32)
+        rational_in_context(ctx, Fraction(value)) for value in (matrix.A33, matrix.A31, matrix.A32)
     )
     root = ctx.mpc(0, ctx.sqrt(-a31))
     drift = -(2 * speed * root - 2 * a32) / (3 * root**2 - 2 * a33 * root - a31)
     slopes = one_harmonic_law.slopes(case.disk, digits=DIGITS + 12)
-    amplitude, period = (quotient(ctx, slope.value) for slope in slopes)
+    amplitude, period = (rational_in_context(ctx, slope.value) for slope in slopes)
     # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega,
     # lambda^2) / |...|.
     frequency = abs(root)
@@ -124,9 +125,11 @@ def differences(case: Case, values: Values) -> Values:
     central differences with a step of 1e-32 in 120 digits, accurate to 60. g_1 is separated by
     evaluating M, h and f_G at three velocities.
     """
-    ctx = bits(400).context
-    c = case.disk.within(ctx)
-    omega, beta, gamma = (quotient(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma"))
+    ctx = precision_of_bits(400).context
+    c = case.disk.constants_in_context(ctx)
+    omega, beta, gamma = (
+        rational_in_context(ctx, case.inputs[name]) for name in ("Omega", "beta", "gamma")
+    )
     step = ctx.mpf(10) ** -32
 
     def at(b: Any, g: Any) -> list[Any]:
@@ -134,7 +137,7 @@ def differences(case: Case, values: Values) -> Values:
 
     def inertial(v: int) -> Any:
         """Return (h + f_G) / M at a velocity."""
-        at_v = terms(ctx, c, omega, beta, gamma, ctx.mpf(v))
+        at_v = equation_terms(ctx, c, omega, beta, gamma, ctx.mpf(v))
         return (at_v.gyroscopic + at_v.gravity) / at_v.mass
 
     orders = at(beta, gamma)
@@ -163,7 +166,7 @@ def differences(case: Case, values: Values) -> Values:
             sum(c.epsilon**i * x[i] for i in range(n + 1)) for x in (orders, by_beta, by_gamma)
         )
         moved = slope_b * v - slope_g * drift
-        acceleration = field(ctx, c, omega, "linear")(beta, gamma, v)[2]
+        acceleration = vector_field(ctx, c, omega, "linear")(beta, gamma, v)[2]
         numbers[f"residual_{n}"] = c.epsilon * (moved - acceleration)
     return {
         name: Measured.of(value, abs(value) / ctx.mpf(10) ** 44) for name, value in numbers.items()

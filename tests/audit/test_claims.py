@@ -13,7 +13,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.report.results_json import summary, totals
+from tippedisk_verify.report.results_json import summary, totals_sentence
 
 
 @pytest.mark.parametrize(
@@ -132,6 +132,6 @@ def test_the_summary_counts_what_does_not_follow_by_its_cause() -> None:
         ("follows-from", ["kappa_2", "delta"]),
         ("differs", ["order_0_noninverted"]),
     ]
-    assert totals(counts).endswith(
+    assert totals_sentence(counts).endswith(
         "4 do not follow: 1 slip of the pen, 2 from one dropped term, 1 differs"
     )

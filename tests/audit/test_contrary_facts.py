@@ -134,7 +134,7 @@ def _consistent(function: Callable[..., Any]) -> Callable[..., Any]:
 
 def _turned_half(ops: Any, constants: Any, omega: Any, friction: Any) -> Callable[..., Any]:
     """Return a field that does not have the period 2 pi."""
-    true = equations.field(ops, constants, omega, friction)
+    true = equations.vector_field(ops, constants, omega, friction)
 
     def rates(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
         first, second, third = true(beta, gamma, v)
@@ -235,7 +235,7 @@ PLANTS: dict[str, Plant] = {
     "both_connections": connects(
         lambda true: {"omega_h": Measured(true.omega_h.value + Fraction(1, 1000), Fraction(0))}
     ),
-    "homoclinic_identified": follows(connection_claims, "field", _turned_half),
+    "homoclinic_identified": follows(connection_claims, "vector_field", _turned_half),
     "attracting_cycle": connects(lambda true: {"saddle_value": Measured(Fraction(1), Fraction(0))}),
     "omega_h_two_roads": follows(connection_claims, "heteroclinic", _methods_apart),
     "stable_branch": _a_longer_cycle,

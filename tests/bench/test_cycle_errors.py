@@ -20,7 +20,7 @@ from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Pre
 from tippedisk_verify.bench.own_methods import user_method
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.race import program_method
-from tippedisk_verify.bench.truth import cut_at_returns, has_error
+from tippedisk_verify.bench.truth import cut_at_returns, defines_error
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
 
 #: Seven periods, in which the distance from the cycle shrinks to 2e-3 (its multiplier is 0.413).
@@ -151,7 +151,7 @@ def test_a_program_and_the_suites_methods_have_these_errors(tmp_path: Path) -> N
 
 
 def test_problems_whose_motion_does_not_return_are_left_out() -> None:
-    names = [problem.name for problem in PROBLEMS if has_error(problem, "crossing")]
+    names = [problem.name for problem in PROBLEMS if defines_error(problem, "crossing")]
     assert names == ["cycle", "passage", "smooth", "epsilon-1e-3"]
 
 

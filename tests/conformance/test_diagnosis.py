@@ -26,7 +26,7 @@ from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
 from tippedisk_verify.conformance.diagnosis.terms import Values, parse_sum, sum_text
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
@@ -179,7 +179,7 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
     given = {}
     for answers in entries.values():
         inputs = next(iter(answers.values())).inputs
-        rates = field(np, PRINTED.at(DOUBLE), float(inputs["Omega"]), "linear")
+        rates = vector_field(np, PRINTED.constants_in(DOUBLE), float(inputs["Omega"]), "linear")
         y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
         for _ in range(500):
             y = y + 1e-3 * np.array(rates(*y))

@@ -63,7 +63,7 @@ def test_special_points_are_those_of_their_own_methods() -> None:
     assert (fold.omega, fold.period) == (disk.folds()[0].omega, disk.folds()[0].period)
     assert (connection.omega - disk.heteroclinic().omega_h).holds(0)
     assert connection.period is None
-    assert connection.gamma_bar_0.holds(tv.bits(200).pi)
+    assert connection.gamma_bar_0.holds(tv.precision_of_bits(200).pi)
 
 
 def test_stability_changes_at_the_fold_alone() -> None:

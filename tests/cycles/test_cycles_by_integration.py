@@ -17,7 +17,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.hopf import omega_crit
 
 
@@ -28,7 +28,7 @@ def test_cycles_close(taylor, distance: str) -> None:
     cycle = cycle_above_omega_h(CALIBRATED, distance, taylor, digits=15)
     assert cycle.period.uncertainty <= cycle.period.value / 10**15
     zeros = -math.log10(float(Fraction(distance)))
-    precision = bits(int((60 + 1.8 * zeros) * math.log2(10)))
+    precision = precision_of_bits(int((60 + 1.8 * zeros) * math.log2(10)))
     start = (0, cycle.gamma_bar_0.value, cycle.v_0.value)
     half = cycle.period.value / 2
     end = taylor(

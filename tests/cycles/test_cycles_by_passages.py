@@ -16,9 +16,11 @@ from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, wider_precision
 
-pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits")
+pytestmark = pytest.mark.skipif(
+    wider_precision(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits"
+)
 
 
 def compare(taylor, parameters, section: Section, distance: str) -> None:

@@ -23,7 +23,13 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    QUADRUPLE,
+    precision_of_bits,
+    wider_precision,
+)
 
 
 def beyond(twins: int, factor: float) -> float:
@@ -92,7 +98,9 @@ def test_a_lost_multiplier_is_bounded_by_its_rounding() -> None:
     assert not measured["log_multiplier_slow"].holds(-33)
 
 
-@pytest.mark.parametrize(("share", "precision"), [("0.49", DOUBLE), ("0.51", companion(DOUBLE))])
+@pytest.mark.parametrize(
+    ("share", "precision"), [("0.49", DOUBLE), ("0.51", wider_precision(DOUBLE))]
+)
 def test_an_arithmetic_answers_that_has_a_factor_of_two_to_spare(
     monkeypatch, share: str, precision
 ) -> None:
@@ -117,7 +125,7 @@ class LinearMap:
     truth = (Fraction(1, 3), Fraction(2, 7))
 
     def __init__(self, *slopes: str) -> None:
-        self.precision, self.omega, self.images = bits(200), 1, 0
+        self.precision, self.omega, self.images = precision_of_bits(200), 1, 0
         self._slopes = [self.precision.number(slope) for slope in slopes]
 
     def flight(self, point: Any, *, variations: bool) -> Any:
@@ -175,7 +183,9 @@ def test_steps_end_when_both_coordinates_rest(second: str, newton: bool, off: fl
     assert bool(return_map.images) is newton
 
 
-@pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="this machine has no extended doubles")
+@pytest.mark.skipif(
+    wider_precision(DOUBLE) != EXTENDED, reason="this machine has no extended doubles"
+)
 @pytest.mark.parametrize(
     ("kind", "omega", "few", "many", "arithmetic"),
     [

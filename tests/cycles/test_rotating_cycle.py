@@ -18,7 +18,7 @@ from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import Request, Status
-from tippedisk_verify.model.equations import field, normal_force_over_weight
+from tippedisk_verify.model.equations import normal_force_over_weight, vector_field
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -162,8 +162,8 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
     """
     cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
     assert cycle.beta_max < 1.5
-    constants = PRINTED.at(DOUBLE)
-    rates = field(math, constants, omega, "linear")
+    constants = PRINTED.constants_in(DOUBLE)
+    rates = vector_field(math, constants, omega, "linear")
     forces = [
         normal_force_over_weight(math, constants, omega, state, rates(*state)[2])
         for state in cycle.orbit(201)[1].T.tolist()

@@ -8,7 +8,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.figures.inversion_figure import points_of
-from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.equations import equation_terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import DOUBLE
 
@@ -42,7 +42,9 @@ def test_the_contact_point_slides_as_the_model_says(beta: float, gamma: float, v
 
     velocity = (carried(after) - carried(before)) / (2 * step)
     lateral = numpy.cross([0, 0, 1], now["along"])
-    sliding = terms(math, PRINTED.at(DOUBLE), _OMEGA, beta, gamma, v).sliding_velocity
+    sliding = equation_terms(
+        math, PRINTED.constants_in(DOUBLE), _OMEGA, beta, gamma, v
+    ).sliding_velocity
     # A central difference is off by step^2/6 times the third derivative, which is below 2 (r + e)
     # (Omega + |gamma'| + |v|)^3 = 1e4 m/s^3 here, and by two roundings of positions of 0.1 m over
     # the step.

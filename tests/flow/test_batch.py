@@ -7,7 +7,7 @@ import pytest
 
 from tests.problems import SETS
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import BETA_EXTREME, FLAT, Event, Request
 from tippedisk_verify.model.parameters import PRINTED
 
@@ -40,7 +40,7 @@ def starts(count: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
 @pytest.mark.slow
 def test_lanes_agree_with_single_runs(lanes, taylor, count, wanted) -> None:
     omegas, states, durations = starts(count)
-    constants = numpy.array([field_constants(SETS[k % 3]) for k in range(count)])
+    constants = numpy.array([equation_constants(SETS[k % 3]) for k in range(count)])
     found = lanes(constants, omegas, states, durations, **wanted)
     assert found.finished.all()
     for k in range(count):
@@ -66,9 +66,9 @@ def test_lanes_agree_with_single_runs(lanes, taylor, count, wanted) -> None:
 
 def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
     omegas, states, durations = starts(10)
-    whole = lanes(field_constants(PRINTED), omegas, states, durations, events=(TURNS,))
+    whole = lanes(equation_constants(PRINTED), omegas, states, durations, events=(TURNS,))
     states[3] = [1.5, 1.5, 1e200]
-    broken = lanes(field_constants(PRINTED), omegas, states, durations, events=(TURNS,))
+    broken = lanes(equation_constants(PRINTED), omegas, states, durations, events=(TURNS,))
     others = numpy.arange(10) != 3
     assert not broken.finished[3]
     assert numpy.isnan(broken.states[3]).all()
@@ -88,6 +88,6 @@ def test_a_lane_that_stops_early_stops_no_other(lanes) -> None:
 def test_refusals(lanes) -> None:
     omegas, states, durations = starts(4)
     with pytest.raises(InputError, match="need states"):
-        lanes(field_constants(PRINTED), omegas, states[:3], durations)
+        lanes(equation_constants(PRINTED), omegas, states[:3], durations)
     with pytest.raises(InputError, match="cannot end a run"):
-        lanes(field_constants(PRINTED), omegas, states, durations, events=(FLAT,))
+        lanes(equation_constants(PRINTED), omegas, states, durations, events=(FLAT,))

@@ -17,9 +17,9 @@ from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Req
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import EXTENDED, QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import EXTENDED, QUADRUPLE, Precision, precision_of_bits
 
-TRUTH = bits(200)
+TRUTH = precision_of_bits(200)
 LAWS: tuple[Friction, ...] = ("linear", "smooth")
 START = ("pi/2", "pi/2 + 0.4", 0)
 PASSED = (
@@ -50,7 +50,7 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
 
 def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
     """Return the error of the run and of its estimate at the end, in carried roundings."""
-    places, errors, roundings, _ = found.at(wide.array([request.duration]))
+    places, errors, roundings, _ = found.evaluate_at(wide.array([request.duration]))
     exact = [
         TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place))
         for true, place in zip(truth.state, places[:, 0], strict=True)
@@ -149,10 +149,12 @@ def test_digits_beyond_the_defect_come_from_wider_runs(taylor: Taylor, law: Fric
     """Run backward along the stiff direction: errors in doubles are as large as the state."""
     disk = Disk("table1", friction=law)
     sol = disk.integrate("30.4", ("1.3", "2", "0.3"), "-0.4", digits=20)
-    truth = taylor(Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=bits(400)))
+    truth = taylor(
+        Request(disk, "30.4", ("1.3", "2", "0.3"), "-0.4", precision=precision_of_bits(400))
+    )
     for value, width, true in zip(sol.end.state, sol.end.uncertainty, truth.state, strict=True):
         assert not numpy.isfinite(width) or abs(
-            bits(400).mpf(value) - bits(400).mpf(true)
+            precision_of_bits(400).mpf(value) - precision_of_bits(400).mpf(true)
         ) <= float(width)
 
 

@@ -15,7 +15,7 @@ from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS, ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 
@@ -83,8 +83,8 @@ def test_error_follows_the_tolerance(taylor: Taylor, law, engine, greatest: floa
 
 
 def test_more_bits_give_more_digits(taylor: Taylor) -> None:
-    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=bits(200))).state
-    for precision in (DOUBLE, EXTENDED, QUADRUPLE, bits(60), bits(150)):
+    truth = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=precision_of_bits(200))).state
+    for precision in (DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits(60), precision_of_bits(150)):
         result = taylor(Request(PRINTED, "30.4", STARTS[1], 1, precision=precision))
         # One second near the inverted state loses less than two digits.
         assert distance(result.state, truth) < 100 * precision.epsilon, precision.name

@@ -12,12 +12,12 @@ from tippedisk_verify.flow.contract import SECTION, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
-R = bits(160)
+R = precision_of_bits(160)
 START = ("1.2", "0.4", "-0.5")
 ON_SECTION = ("pi/2", "2.1", "-1")
-_WIDE = bits(224)
+_WIDE = precision_of_bits(224)
 
 
 def truth(taylor: Taylor, start, time, friction: Friction = "linear", **options) -> list[Fraction]:
@@ -153,7 +153,7 @@ def test_times_may_be_any_sequence_of_numbers(taylor, precision) -> None:
     ]
     assert all((result.samples == results[0].samples).all() for result in results)
     dense = taylor(Request(PRINTED, "30.4", START, "0.25", precision=precision, dense=True)).dense
-    rows = dense(["0.125", Fraction(1, 8), bits(300).number("0.125")])
+    rows = dense(["0.125", Fraction(1, 8), precision_of_bits(300).number("0.125")])
     assert all((row == results[0].samples[0]).all() for row in rows)
     with pytest.raises(InputError):
         dense([float("nan")])

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
     FLAT,
@@ -26,7 +26,7 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)
@@ -137,7 +137,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
     """
     turns = Event("turns", BETA_EXTREME.function, terminal=False)
     states = numpy.array([(0.0, 0.0, 0.0), DROPPED, TURNING, (1e-15, 0.3, -1.0), (0.1, 0.3, -1.0)])
-    constants = field_constants(PRINTED.with_friction(friction))
+    constants = equation_constants(PRINTED.with_friction(friction))
     for duration in (0.3, -0.02):
         wanted = {"shifted": True, "friction": friction, "events": (WATCHED, turns)}
         many = lanes(constants, numpy.full(5, 30.5), states, numpy.full(5, duration), **wanted)
@@ -161,7 +161,7 @@ def test_many_runs_at_once_start_there_too(friction) -> None:
         {"parameters": PRINTED.with_friction("smooth")},
     ],
 )
-@pytest.mark.parametrize("precision", [DOUBLE, bits(100)])
+@pytest.mark.parametrize("precision", [DOUBLE, precision_of_bits(100)])
 def test_a_disk_that_lies_flat_at_once_ends_the_run(taylor: Taylor, more, precision) -> None:
     """Start 1e-10 s before sin(beta) = 0, on the surface of a terminal event.
 
@@ -286,7 +286,7 @@ def test_events_from_the_surface_are_those_of_scipy(
         assert abs(one.time - two.time) < 1e-7
     if not terminal and not direction:
         many = lanes(
-            field_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)
+            equation_constants(PRINTED), [30.5], [state], [duration], shifted=True, events=(event,)
         ).crossings
         assert sorted(abs(when) for _, _, when, _ in many) == pytest.approx(
             [abs(e.time) for e in mine.events]

@@ -10,7 +10,7 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.flow import switching
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.exact import exact
@@ -28,8 +28,8 @@ def test_a_start_on_the_surface(taylor) -> None:
     The references are quadruple precision, lanes and SciPy. From the last start gamma_y is 0 again
     15 microseconds later.
     """
-    lanes, constants = BatchTaylor(), field_constants(PRINTED.with_friction("smooth"))
-    c = PRINTED.at(DOUBLE)
+    lanes, constants = BatchTaylor(), equation_constants(PRINTED.with_friction("smooth"))
+    c = PRINTED.constants_in(DOUBLE)
     roundings = 40 * 2.0**-52 * 10  # forty, of states of size 1 to 5, grown by less than ten
     for beta, gamma in ((1.4, 0.3), (1.4, 2.0), (1.4, 4.0), (1.2, 2.4963702)):
         v = c.e * 30.4 * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
@@ -81,7 +81,7 @@ def test_motions_that_touch_the_surface(taylor, beta: float, gamma: float) -> No
 
     Two switches then come arbitrarily close, or there is none.
     """
-    c, omega = PRINTED.at(DOUBLE), 30.4
+    c, omega = PRINTED.constants_in(DOUBLE), 30.4
     touching = c.e * omega * math.sin(beta) * math.cos(gamma) / (c.r + c.e * math.sin(gamma))
     for offset in (0.0, 1e-16, -1e-14, 1e-12, -1e-12):
         before = taylor(
@@ -103,7 +103,7 @@ def reversals_by_samples(engine, request: Request) -> int:
     """Count the sign changes of gamma_y / sin(beta) on a fine grid of the run, without events."""
     times = numpy.linspace(0, float(request.duration), 20_001)
     beta, gamma, v = engine(replace(request, events=(), times=times)).samples.T
-    c = request.parameters.at(DOUBLE)
+    c = request.parameters.constants_in(DOUBLE)
     slip = SLIDING_REVERSAL.function(numpy, c, float(exact(request.omega)), beta, gamma, v)
     return int((slip[1:] * slip[:-1] < 0).sum())
 
@@ -115,7 +115,7 @@ def test_all_requested_reversals_are_found(taylor, precision) -> None:
         request = smooth("30.4", start, "0.5", events=(_REVERSES,), precision=precision)
         found = [record for record in taylor(request).events if record.name == _REVERSES.name]
         assert len(found) == reversals_by_samples(taylor, replace(request, precision=DOUBLE))
-        c, omega = PRINTED.at(precision), precision.number("30.4")
+        c, omega = PRINTED.constants_in(precision), precision.number("30.4")
         for record in found:
             slip = SLIDING_REVERSAL.function(precision.ops, c, omega, *record.state)
             # A few roundings of the state, of terms of about 0.5 m/s.
@@ -182,7 +182,7 @@ def test_lanes_agree_with_single_runs_on_reversals_and_flat_disks(taylor) -> Non
     disk = PRINTED.with_friction("smooth")
     speeds, durations = numpy.full(60, 30.4), numpy.full(60, 4.0)
     found = BatchTaylor()(
-        field_constants(disk),
+        equation_constants(disk),
         speeds,
         starts,
         durations,

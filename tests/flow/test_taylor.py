@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 
 def test_the_factored_form_is_small() -> None:
@@ -63,7 +63,9 @@ def test_only_what_is_needed_is_built() -> None:
 
 
 @pytest.mark.parametrize(
-    "precision", [DOUBLE, EXTENDED, QUADRUPLE, bits(200), bits(400)], ids=lambda p: p.name
+    "precision",
+    [DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits(200), precision_of_bits(400)],
+    ids=lambda p: p.name,
 )
 def test_first_step_from_the_section_has_the_usual_size(precision) -> None:
     """Check for the trap with powers.

@@ -13,7 +13,7 @@ import pytest
 
 from tests.problems import STARTS
 from tippedisk_verify.flow import compiled_runners, default_batch_engine, default_engine
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
     SECTION,
@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 
 _THREADS = 8
 
@@ -111,7 +111,7 @@ def test_each_thread_has_an_engine() -> None:
 
 
 def test_one_batch_engine_in_threads() -> None:
-    shared, constants = BatchTaylor(2), field_constants(PRINTED.with_friction("smooth"))
+    shared, constants = BatchTaylor(2), equation_constants(PRINTED.with_friction("smooth"))
     draw = numpy.random.default_rng(19)
     jobs = []
     for _ in range(40):
@@ -155,8 +155,8 @@ def test_scipy_engines_in_threads() -> None:
 
 def test_contexts_keep_their_precision() -> None:
     """Check while roots of polynomials raise their context's precision."""
-    _assert_as_alone([lambda: str(bits(150).context.polyroots([1, 2, 3, 4]))] * 16)
-    assert bits(150).context.prec == 150
+    _assert_as_alone([lambda: str(precision_of_bits(150).context.polyroots([1, 2, 3, 4]))] * 16)
+    assert precision_of_bits(150).context.prec == 150
 
 
 def test_a_run_within_a_run_of_its_kind_is_refused() -> None:

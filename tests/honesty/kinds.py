@@ -37,11 +37,11 @@ from tippedisk_verify.flow.contract import (
     Request,
     Status,
 )
-from tippedisk_verify.flow.start import at_rest
-from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.flow.start import starts_at_rest
+from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, bits
+from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, precision_of_bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.questions import Case, ReferenceQuestion
 from tippedisk_verify.reference_values.truths import compute, compute_again
@@ -101,10 +101,10 @@ def slow_manifold_series(draw: Draw) -> Question:
         return vars(found) | {"right order": True, "place": (found.beta, found.gamma)}
 
     def truth(found: Any) -> Any:
-        ctx = bits(400).context
-        constants, speed = disk.within(ctx), quotient(ctx, omega)
+        ctx = precision_of_bits(400).context
+        constants, speed = disk.constants_in_context(ctx), rational_in_context(ctx, omega)
         where = (found["place"], *slow_manifold.RESIDUAL_POINTS)
-        place, *points = [[quotient(ctx, part) for part in point] for point in where]
+        place, *points = [[rational_in_context(ctx, part) for part in point] for point in where]
         rows = [
             slow_manifold.invariance_residuals(ctx, constants, speed, *point, order)
             for point in points
@@ -157,7 +157,7 @@ def _flown(request: Request) -> Question:
     """
 
     def ask() -> Any:
-        if request.events and at_rest(request):
+        if request.events and starts_at_rest(request):
             raise AccuracyError("at rest to rounding: no event is looked for")
         found = default_engine()(request)
         if (
@@ -179,7 +179,7 @@ def _flown(request: Request) -> Question:
             "alike": [record.name for record in run.events] == answer["names"]
         }
 
-    return Question(ask, truth, partial(truth, wide=bits(QUADRUPLE.bits + 90)))
+    return Question(ask, truth, partial(truth, wide=precision_of_bits(QUADRUPLE.bits + 90)))
 
 
 def _numbers_of(run: Any, error: Any) -> dict[str, Any]:

@@ -127,7 +127,7 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
     upright = [tv.exact("pi/2"), tv.exact("pi/2"), tv.exact(0)]
     for row, state in zip(rows, truth.y.T, strict=True):
         for name, number, angle in zip(("beta", "gamma", "v"), state, upright, strict=True):
-            shown = Fraction((tv.exact(number) + angle).enclosed(200)[0])
+            shown = Fraction((tv.exact(number) + angle).bounds(200)[0])
             _assert_held(
                 row[name], row[f"{name}_uncertainty"], str(shown), "1e-30", f"{name} at {row['t']}"
             )

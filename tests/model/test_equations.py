@@ -15,13 +15,13 @@ from mpmath import mp
 from tests.model import transcription as paper
 from tests.problems import decimals, physical_parameters, states
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import law_of
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 
 LAWS = ("linear", "smooth")
-CTX = bits(200).context
+CTX = precision_of_bits(200).context
 
 
 @pytest.mark.parametrize("friction", LAWS)
@@ -31,8 +31,8 @@ CTX = bits(200).context
 def test_equations_are_the_papers(friction: str, parameters, state, omega, flip) -> None:
     """Compare at 60 digits, of which cancelling sums may cost ten: no double may enter."""
     with mp.workdps(60):
-        c, speed = parameters.within(mp), quotient(mp, omega)
-        beta, gamma, v = (quotient(mp, part) for part in state)
+        c, speed = parameters.constants_in_context(mp), rational_in_context(mp, omega)
+        beta, gamma, v = (rational_in_context(mp, part) for part in state)
         beta = -beta if flip else beta
         mass = paper.mass_matrix(c.A, c.Bbar, c.m, c.r, c.e, beta, gamma)
         gyroscopic = paper.gyroscopic_forces(c.A, c.Bbar, c.m, c.r, c.e, speed, beta, gamma, v)
@@ -47,7 +47,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
         grip = c.mu * c.m * c.g / c.epsilon * sum(map(abs, sliding))
         # 3 sin^2 - 2 cancels
         pull = sum(map(abs, gyroscopic)) + 2 * c.m * c.e * c.r * abs(speed * v) + abs(gravity)
-        terms = equations.terms(mp, c, speed, beta, gamma, v)
+        terms = equations.equation_terms(mp, c, speed, beta, gamma, v)
         expected: list[tuple[Any, Any, Any]] = [
             *zip(
                 (*terms[:-1], *terms.gyroscopic_terms),
@@ -57,7 +57,7 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
             ),
             (law_of(friction)(math, terms.sliding_velocity, c), force, grip),
         ]
-        vector_field = equations.field(mp, c, speed, friction)
+        vector_field = equations.vector_field(mp, c, speed, friction)
         acceleration = (pull + c.r * grip) / M
         expected += zip(vector_field(beta, gamma, v), rates, (v, speed, acceleration), strict=True)
         # The point symmetry reverses all rates.
@@ -73,16 +73,16 @@ def test_equations_are_the_papers(friction: str, parameters, state, omega, flip)
 )
 def test_jacobian_against_differences(friction: str, parameters, state, omega, flip) -> None:
     """Compare with central differences at 200 bits; half of the states have sin(beta) < 0."""
-    constants, speed = parameters.within(CTX), quotient(CTX, omega)
-    point = [quotient(CTX, part) for part in state]
+    constants, speed = parameters.constants_in_context(CTX), rational_in_context(CTX, omega)
+    point = [rational_in_context(CTX, part) for part in state]
     if flip:
         point[0] = -point[0]
-    sliding = equations.terms(CTX, constants, speed, *point).sliding_velocity
+    sliding = equations.equation_terms(CTX, constants, speed, *point).sliding_velocity
     step = CTX.mpf(2) ** -60
     if abs(sliding) < step * 2**10:
         # A difference across gamma_y = 0 sees the jump of the smooth law's second derivative
         return
-    function = equations.field(CTX, constants, speed, friction)
+    function = equations.vector_field(CTX, constants, speed, friction)
     by_hand = equations.jacobian(CTX, constants, speed, friction)(*point)
     for column in range(3):
         up, down = list(point), list(point)
@@ -97,7 +97,7 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
     # The analytic branch of this side is the law itself, and the other one is not
     if friction == "smooth":
         side = 1 if sliding > 0 else -1
-        for made in (equations.field, equations.jacobian):
+        for made in (equations.vector_field, equations.jacobian):
             plain, mine, other = (
                 made(CTX, constants, speed, friction, s)(*point)[2] for s in (None, side, -side)
             )
@@ -107,7 +107,7 @@ def test_jacobian_against_differences(friction: str, parameters, state, omega, f
 def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
     state = (math.pi / 2, math.pi / 2, 0.0)
     both = [
-        numpy.array(equations.jacobian(math, PRINTED.at(DOUBLE), 30.4, friction)(*state))
+        numpy.array(equations.jacobian(math, PRINTED.constants_in(DOUBLE), 30.4, friction)(*state))
         for friction in LAWS
     ]
     # Same formula up to the rounding of k = (mu g) / epsilon.
@@ -116,9 +116,13 @@ def test_smooth_law_has_the_linear_laws_slope_at_rest() -> None:
 
 def test_arrays_and_shifted_angles_are_accepted() -> None:
     beta, gamma, v = numpy.meshgrid([1.0, 1.5], [0.1, 2.0], [-1.0, 3.0])
-    together = equations.field(numpy, PRINTED.at(DOUBLE), 30.4, "smooth")(beta, gamma, v)
+    together = equations.vector_field(numpy, PRINTED.constants_in(DOUBLE), 30.4, "smooth")(
+        beta, gamma, v
+    )
     half = mpmath.mp.mpf(mpmath.pi) / 2
-    shifted = equations.field(equations.shifted(mpmath), PRINTED.at(DOUBLE), 30.4, "smooth")
+    shifted = equations.vector_field(
+        equations.shifted_ops(mpmath), PRINTED.constants_in(DOUBLE), 30.4, "smooth"
+    )
     alone = shifted(beta[1, 0, 1] - half, gamma[1, 0, 1] - half, v[1, 0, 1])
     for rates, rate in zip(together, alone, strict=True):
         # Terms of 1e2 times the result

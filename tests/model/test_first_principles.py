@@ -181,7 +181,7 @@ class Projection(NamedTuple):
     mass: Expr
     gyroscopic: Expr
     gravity: Expr
-    direction: Expr
+    force_direction: Expr
     sliding_velocity: Expr
 
 
@@ -224,7 +224,7 @@ def test_reactions_have_no_virtual_power() -> None:
 @pytest.mark.parametrize("name", Projection._fields)
 def test_terms(name: str) -> None:
     """Compare each coefficient with virtual power; "sin beta^2" turns out to be a square."""
-    package = equations.terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
+    package = equations.equation_terms(sp, CONSTANTS, OMEGA, BETA, GAMMA, V)
     assert same(getattr(package, name), getattr(projection(), name))
 
 
@@ -240,6 +240,8 @@ def test_normal_force() -> None:
 def test_state_rates() -> None:
     """Check that the first two components are the kinematics under both friction laws."""
     for friction in ("linear", "smooth"):
-        beta_rate, gamma_rate, _ = equations.field(sp, CONSTANTS, OMEGA, friction)(BETA, GAMMA, V)
+        beta_rate, gamma_rate, _ = equations.vector_field(sp, CONSTANTS, OMEGA, friction)(
+            BETA, GAMMA, V
+        )
         assert same(beta_rate, V)
         assert same(gamma_rate, motion().rates[GAMMA])

@@ -18,9 +18,9 @@ from tests.friction_laws import ARCTAN, OWN_LAWS, STRIBECK, TANH
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 
@@ -47,29 +47,29 @@ def _two_levels(ops: Any, x: Any, c: Any, sharpness: int) -> Any:
 @pytest.mark.parametrize("law", [*LAWS.values(), *OWN_LAWS], ids=str)
 def test_a_law_is_one_function_in_every_arithmetic(law: FrictionLaw) -> None:
     """The force on both sides of zero, and its derivative against a difference in 200 bits."""
-    disk, ctx = tv.Disk("table1", friction=law), bits(200).context
-    c, wide = disk.at(DOUBLE), disk.within(ctx)
+    disk, ctx = tv.Disk("table1", friction=law), precision_of_bits(200).context
+    c, wide = disk.constants_in(DOUBLE), disk.constants_in_context(ctx)
     for velocity in (-2.0, -0.03, 0.0, 0.03, 2.0):
         x = ctx.mpf(velocity)
         force = law(ctx, x, wide)
         assert law(ctx, -x, wide) == -force
         # A dozen operations of half a unit each, in numbers of the force's size.
         assert law(math, velocity, c) == pytest.approx(float(force), rel=16 * 2.0**-53)
-        slope, step = law.slope_at(ctx, x, wide), ctx.mpf(2) ** -60
+        slope, step = law.deceleration_slope(ctx, x, wide), ctx.mpf(2) ** -60
         difference = law.deceleration(ctx, x + step, wide) - law.deceleration(ctx, x - step, wide)
         # The second derivative jumps at zero, which a difference sees to first order in the step.
         assert abs(difference / (2 * step) - slope) < 2.0**-50 * abs(wide.k)
         for numbers in (DOUBLE, EXTENDED):
-            array = numpy.array([velocity], dtype=numbers.type)
-            found = law.slope_at(numpy, array, disk.at(numbers))
+            array = numpy.array([velocity], dtype=numbers.number_type)
+            found = law.deceleration_slope(numpy, array, disk.constants_in(numbers))
             assert float(numpy.ravel(found)[0]) == pytest.approx(float(slope), rel=64 * 2.0**-53)
 
 
 @pytest.mark.parametrize("law", [*LAWS.values(), *OWN_LAWS], ids=str)
 def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
     """Against differences in 200 bits, on both sides of gamma_y = 0."""
-    ctx = bits(200).context
-    c, omega = tv.Disk("table1", friction=law).within(ctx), ctx.mpf(30)
+    ctx = precision_of_bits(200).context
+    c, omega = tv.Disk("table1", friction=law).constants_in_context(ctx), ctx.mpf(30)
     step = ctx.mpf(2) ** -60
     for state in ((1.2, 0.3, -3.0), (1.2, 0.3, 3.0), (0.4, 2.0, 9.0)):
         at = [ctx.mpf(x) for x in state]
@@ -78,7 +78,7 @@ def test_the_jacobian_is_the_fields_derivative(law: FrictionLaw) -> None:
             moved = [list(at), list(at)]
             moved[0][column] += step
             moved[1][column] -= step
-            ahead, behind = (field(ctx, c, omega, law)(*point) for point in moved)
+            ahead, behind = (vector_field(ctx, c, omega, law)(*point) for point in moved)
             for row, plus, minus in zip(rows, ahead, behind, strict=True):
                 # A central difference errs by the step squared times a third derivative, below 1e6.
                 assert abs((plus - minus) / (2 * step) - row[column]) < 1e7 * step**2
@@ -200,7 +200,7 @@ def test_a_feature_that_is_accepted_is_resolved(taylor: Taylor) -> None:
     disk = tv.Disk("table1", friction=law)
     request = tv.Request(disk, "30.4", ("pi/2", "pi/2 + 0.4", 20), "0.22")
     found = taylor(replace(request, error_estimate=True))
-    truth = taylor(replace(request, precision=tv.bits(200)))
+    truth = taylor(replace(request, precision=tv.precision_of_bits(200)))
     assert found.error is not None
     distance = abs(found.state - truth.state.astype(float))
     assert (distance <= found.error.state + abs(found.state) * 2.0**-53).all()
@@ -247,7 +247,7 @@ def test_omega_crit_and_the_hopf_point_depend_on_the_slope_only() -> None:
     assert own.hopf().first_lyapunov_coefficient == linear.hopf().first_lyapunov_coefficient
     steep = tv.Disk("table1", friction=STRIBECK)
     assert steep.omega_crit == linear.omega_crit
-    assert steep.rational().k == Fraction(3, 2) * linear.rational().k
+    assert steep.rational_constants().k == Fraction(3, 2) * linear.rational_constants().k
     with pytest.raises(InputError, match="analytic friction laws only, not for 'Stribeck'"):
         steep.hopf()
 

@@ -15,7 +15,7 @@ import pytest
 
 from tests.honesty.harness import decimal
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.exact import exact, fraction, quotient
+from tippedisk_verify.model.exact import exact, fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 
 FUNCTIONS = ("sqrt", "log", "log10", "exp", "sin", "cos", "tan")
@@ -34,7 +34,7 @@ def leaf(draw: Random) -> tuple[Measured, Any]:
     size = draw.choice((1, 1, 1, 0, 10.0 ** draw.uniform(-30, 30)))
     value = decimal(draw.uniform(-3, 3) * size, draw.choice((1, 5, 17)))
     width = draw.choice((0, 1, 1, 1)) * decimal(10 ** draw.uniform(-40, 0)) * (abs(value) or 1)
-    return Measured(value, width), quotient(
+    return Measured(value, width), rational_in_context(
         SHARP, value + width * draw.choice((-1, 1, decimal(draw.uniform(-1, 1))))
     )
 
@@ -93,8 +93,10 @@ def test_no_half_width_is_wider_than_it_must_be(name: Any) -> None:
         middle, *ends = (
             getattr(SHARP, name)(x)
             if isinstance(name, str)
-            else x ** quotient(SHARP, Fraction(name))
-            for x in (quotient(SHARP, value + sign * number.uncertainty) for sign in (0, -1, 1))
+            else x ** rational_in_context(SHARP, Fraction(name))
+            for x in (
+                rational_in_context(SHARP, value + sign * number.uncertainty) for sign in (0, -1, 1)
+            )
         )
         found = getattr(number, name)() if isinstance(name, str) else number**name
         needed = max(abs(fraction(end - middle)) for end in ends)
@@ -161,7 +163,7 @@ def test_a_measured_number_is_accepted_as_a_number() -> None:
         Fraction(123456789, 10**330),
     ):  # Python 3.11 makes floats of some
         for power in (Fraction(2, 7), Fraction(1)):
-            truth = quotient(SHARP, Fraction(base)) ** quotient(SHARP, power)
+            truth = rational_in_context(SHARP, Fraction(base)) ** rational_in_context(SHARP, power)
             assert (base ** Measured(power, Fraction(0))).holds(truth)
 
 

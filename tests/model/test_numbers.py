@@ -171,7 +171,7 @@ def _batch(place: int, wrong: Any) -> object:
 DOORS: dict[str, Callable[[Any], object]] = {
     "exact": tv.exact,
     "double": tv.DOUBLE.number,
-    "wide": tv.bits(100).number,
+    "wide": tv.precision_of_bits(100).number,
     "half-width": lambda x: tv.Measured.of(1, x),
     "parameter": lambda x: tv.Disk("table1", mu=x),
     "speed": lambda x: DISK.equilibrium("inverted", x),
@@ -196,7 +196,9 @@ def test_a_number_of_any_kind_is_taken_exactly(kind: str) -> None:
     value, number = NUMBERS[kind]
     assert tv.exact(value) == tv.Exact(number)
     assert tv.DOUBLE.number(value) == float(number)
-    assert tv.exact(tv.bits(100).number(value)) == tv.exact(tv.bits(100).number(number))
+    assert tv.exact(tv.precision_of_bits(100).number(value)) == tv.exact(
+        tv.precision_of_bits(100).number(number)
+    )
     # As an answer a text is a decimal
     if not isinstance(value, str) and kind != "array of one text":
         assert tv.compare(ID, value).digits == tv.compare(ID, number).digits

@@ -11,7 +11,7 @@ import pytest
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 
 GOOD = (
     'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
@@ -31,11 +31,11 @@ def test_named_sets_are_as_documented() -> None:
 
 
 def test_constants_are_rounded_once_from_exact_values() -> None:
-    for precision in (DOUBLE, bits(200)):
-        constants = PRINTED.at(precision)
-        assert constants is PRINTED.at(precision)
+    for precision in (DOUBLE, precision_of_bits(200)):
+        constants = PRINTED.constants_in(precision)
+        assert constants is PRINTED.constants_in(precision)
         assert constants.pi == precision.pi
-        for name, true in zip(Constants._fields[:-1], PRINTED.rational(), strict=False):
+        for name, true in zip(Constants._fields[:-1], PRINTED.rational_constants(), strict=False):
             assert abs(fraction(getattr(constants, name)) - true) <= true * precision.epsilon / 2
 
 

@@ -14,19 +14,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_down, rounded_up
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_down, round_up
 from tippedisk_verify.model.exact import PI, Exact, exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,
-    bits,
     bits_for_digits,
-    companion,
+    precision_of_bits,
+    wider_precision,
 )
 
-ALL = (DOUBLE, EXTENDED, QUADRUPLE, bits(24), bits(200), bits(1000))
+ALL = (
+    DOUBLE,
+    EXTENDED,
+    QUADRUPLE,
+    precision_of_bits(24),
+    precision_of_bits(200),
+    precision_of_bits(1000),
+)
 decimal_texts = st.builds(
     lambda sign, digits, exponent: f"{sign}{digits}e{exponent}",
     st.sampled_from(["", "-"]),
@@ -65,7 +72,9 @@ def test_pi_is_rounded_once(precision) -> None:
 
 
 def test_sums_with_pi_round_correctly_even_under_cancellation() -> None:
-    near = Fraction(bits(300).mpf(bits(300).pi).man) / 2 ** (-bits(300).mpf(bits(300).pi).exp)
+    near = Fraction(precision_of_bits(300).mpf(precision_of_bits(300).pi).man) / 2 ** (
+        -precision_of_bits(300).mpf(precision_of_bits(300).pi).exp
+    )
     left_over = DOUBLE.number(Exact(-near, Fraction(1)))
     with mpmath.workprec(800):
         expected = float(+mpmath.pi - mpmath.mpf(near.numerator) / near.denominator)
@@ -144,18 +153,18 @@ def test_printed_intervals_hold_what_the_numbers_hold(
 def test_names_and_bounds() -> None:
     assert [precision.name for precision in ALL[2:4]] == ["quadruple", "real24"]
     assert [precision.digits for precision in ALL[:3]] == [15, 18, 33]
-    assert all(companion(precision).bits >= precision.bits + 11 for precision in ALL)
+    assert all(wider_precision(precision).bits >= precision.bits + 11 for precision in ALL)
     assert [bits_for_digits(digits) for digits in (1, 15, 34)] == [24, 51, 114]
     for digits in (0, -1, 10**9):
         with pytest.raises(InputError):
             bits_for_digits(digits)
     with pytest.raises(InputError):
-        bits(1)
+        precision_of_bits(1)
 
 
 @pytest.mark.parametrize("count", [24, 53, 200])
 def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -> None:
-    precision = bits(count)
+    precision = precision_of_bits(count)
     ops = precision.ops
     for name in ("sin", "cos", "exp", "log", "sqrt"):
         for text in ("0.3", "7", "1e-20", "12345.678"):
@@ -176,7 +185,7 @@ def test_functions_agree_with_heyokas_and_undefined_values_are_nan(count: int) -
 
 
 def test_large_exponents_are_exact_in_few_bits() -> None:
-    few, many = bits(24), bits(200)
+    few, many = precision_of_bits(24), precision_of_bits(200)
     for value in (Fraction(2) ** 20_000_001, Fraction(3, 2**20_000_001)):  # more than 24 bits hold
         assert fraction(few.number(value)) == fraction(many.number(value)) == value
 
@@ -199,7 +208,7 @@ def test_roundings_to_two_digits_are_to_their_side_and_no_further_than_the_secon
 ) -> None:
     magnitude = decimal_magnitude(value)
     assert Fraction(10) ** magnitude <= value < Fraction(10) ** (magnitude + 1)
-    low, high = Fraction(rounded_down(value)), Fraction(rounded_up(value))
+    low, high = Fraction(round_down(value)), Fraction(round_up(value))
     assert low <= value <= high
     unit = Fraction(10) ** (magnitude - 1)
     assert value - low < unit

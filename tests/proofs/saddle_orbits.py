@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
@@ -35,9 +35,9 @@ class Orbits:
     def __init__(
         self, parameters: Parameters, directions: Sequence[Sequence[Any]], omega: float
     ) -> None:
-        constants = parameters.at(DOUBLE)
+        constants = parameters.constants_in(DOUBLE)
         self.rate, self.slope = (
-            f(shifted(math), constants, omega, "linear") for f in (field, jacobian)
+            f(shifted_ops(math), constants, omega, "linear") for f in (vector_field, jacobian)
         )
         self.to_y = np.array([[float(entry) for entry in row] for row in directions])
         self.to_z = np.linalg.inv(self.to_y)

@@ -78,7 +78,7 @@ def test_predicates_are_strict() -> None:
 def test_a_ball_holds_its_exact_number(text, bits) -> None:
     with working_precision(bits):
         found = ball_to_measured(ball(exact(text)))
-    low, high = exact(text).enclosed(400)
+    low, high = exact(text).bounds(400)
     assert found.value - found.uncertainty <= low
     assert high <= found.value + found.uncertainty
     assert found.uncertainty <= 8 * max(abs(low), 1) / Fraction(2) ** bits

@@ -109,7 +109,7 @@ def test_the_hopf_point_agrees_with_theory(parameters: Parameters) -> None:
 
 def test_theorem_1_is_refused_where_a_hypothesis_fails() -> None:
     """With Bbar < 0 the coefficient a2 is negative: stable above Omega_crit would be false."""
-    constants = PRINTED.rational()
+    constants = PRINTED.rational_constants()
     check_linearization(constants)
     tipped = constants._replace(Bbar=-constants.Bbar, b=-constants.b)
     assert characteristic_polynomial(tipped, Fraction(100), angles.INVERTED)[0] < 0

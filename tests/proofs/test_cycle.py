@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import (
@@ -220,7 +220,7 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
     """Nor those of other equations."""
 
     def wrong(ops, constants, omega):
-        right = field(shifted(ops), constants, omega, "linear")
+        right = vector_field(shifted_ops(ops), constants, omega, "linear")
 
         def rates(beta, gamma, v):
             first, second, third = right(beta, gamma, v)

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tippedisk_verify.model.equations import field, jacobian, shifted, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
 from tippedisk_verify.proofs.kernel import jets
 from tippedisk_verify.proofs.kernel.balls import (
@@ -66,7 +66,7 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
             speed = arb(draw.uniform(0.1, 60))
             for law, friction, side in LAWS:
                 rates = kernel_field(BallOps, mine, speed, law)(*state)
-                others = field(shifted(BallOps), theirs, speed, friction, side)(*state)
+                others = vector_field(shifted_ops(BallOps), theirs, speed, friction, side)(*state)
                 assert all(same(a, b) for a, b in zip(rates, others, strict=True)), law
                 if law == "smooth":
                     continue
@@ -75,7 +75,7 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                 columns = [
                     part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:]
                 ]
-                rows = jacobian(shifted(BallOps), theirs, speed, friction, side)(*state)
+                rows = jacobian(shifted_ops(BallOps), theirs, speed, friction, side)(*state)
                 assert all(
                     same(columns[3 * k + row], arb(rows[row][k]))
                     for row in range(3)
@@ -95,7 +95,10 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
             ahead = [part + step * rate for part, rate in zip(state, rates, strict=True)]
             quotient = (sliding_motion(BallOps, mine, speed, ahead)[0] - velocity) / step
             assert abs(quotient - change) < arb(2) ** -40  # step times a second derivative
-            assert same(velocity, terms(shifted(BallOps), theirs, speed, *state).sliding_velocity)
+            assert same(
+                velocity,
+                equation_terms(shifted_ops(BallOps), theirs, speed, *state).sliding_velocity,
+            )
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ import mpmath
 import pytest
 from flint import arb, arb_mat
 
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.kernel.balls import (
@@ -260,7 +260,7 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
     """F is; differences of F lie in the derivatives over the segment between."""
     saddle, step, z = saddle_at(PRINTED), arb("1e-12"), [arb("0.03"), arb("-0.02"), arb("0.01")]
     beta, gamma, v = saddle.offset(z)
-    theirs = field(shifted(BallOps), ball_constants(PRINTED), saddle.omega, "linear")(
+    theirs = vector_field(shifted_ops(BallOps), ball_constants(PRINTED), saddle.omega, "linear")(
         beta, gamma + arb.pi(), v
     )
     start = saddle.rates(z)

@@ -19,7 +19,7 @@ from tests.problems import paper_rates, paper_terms
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.exact import exact, quotient
+from tippedisk_verify.model.exact import exact, rational_in_context
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import (
     StoredQuestion,
@@ -104,7 +104,7 @@ def test_the_right_hand_side_is_that_of_the_tests_own_transcription(
             disk = Parameters.named(name)
             rate = paper_rates(disk, omega, state)[2]
             assert quantity.measured().holds(rate)
-            terms = paper_terms(disk, quotient(mpmath.mp, omega), state).gyroscopic
+            terms = paper_terms(disk, rational_in_context(mpmath.mp, omega), state).gyroscopic
             for k, term in enumerate(terms, start=1):
                 assert store[f"{name}/both/rhs/{n:03d}/h_{k}"].measured().holds(term)
             assert store[f"{name}/both/rhs/{n:03d}/Bbar"].measured().holds(disk.Bbar)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from tippedisk_verify.audit.claims import rounds_to
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.report.digits import agreed_digits, shortened
+from tippedisk_verify.report.digits import agreed_digits, split_at_agreement
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_digits_that_agree(
     value: str, printed: str, count: tuple[int, int] | None, pieces: tuple[str, str]
 ) -> None:
     assert agreed_digits(value, printed) == count
-    assert shortened(value, printed) == pieces
+    assert split_at_agreement(value, printed) == pieces
 
 
 @given(
@@ -43,7 +43,7 @@ def test_digits_that_agree(
     st.decimals(-1000, 1000, places=2, allow_nan=False),
 )
 def test_all_printed_digits_agree_exactly_if_the_value_rounds_to_them(value, printed) -> None:
-    assert "".join(shortened(f"{value:f}", f"{printed:f}")) == f"{value:f}"
+    assert "".join(split_at_agreement(f"{value:f}", f"{printed:f}")) == f"{value:f}"
     count = agreed_digits(f"{value:f}", f"{printed:f}")
     if count is None:
         assert printed == 0

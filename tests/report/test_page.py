@@ -15,7 +15,7 @@ import pytest
 from tests.command_line import printed
 from tests.test_cli import GOOD
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
-from tippedisk_verify.report.audit_pages import _symbols
+from tippedisk_verify.report.audit_pages import _mark_up_symbols
 
 ONLY = "omega_crit,lambda_3,sliding_velocity,chi,attraction,convergent_series,scene_d"
 # One too long for its cell is cut: 1.18184621…e-7
@@ -146,7 +146,7 @@ def test_each_claim_has_a_row_that_jumps_to_it(folder: Path) -> None:
     ],
 )
 def test_symbols_are_drawn_and_text_is_escaped(text: str, shown: str) -> None:
-    assert _symbols(text) == shown
+    assert _mark_up_symbols(text) == shown
 
 
 def test_every_figure_has_its_files(folder: Path) -> None:

@@ -19,7 +19,7 @@ from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.report import tasks as audit_tasks
-from tippedisk_verify.report.tasks import AuditJob, Task, key, run, tasks_for
+from tippedisk_verify.report.tasks import AuditJob, Task, run_tasks, task_key, tasks_for
 
 LOCAL = ("omega_crit", "lambda_3", "sliding_velocity", "chi", "period_crit")
 HEAVY = (
@@ -77,9 +77,9 @@ def test_nothing_is_computed_for_what_is_kept(
 ) -> None:
     order, cache = AuditJob(PRINTED, 12, LOCAL), Cache(tmp_path)
     tasks = tasks_for(order, figures=False)
-    first, _ = run(order, tasks, cache, alone, quiet)
+    first, _ = run_tasks(order, tasks, cache, alone, quiet)
     monkeypatch.setattr(audit_tasks, "run_task", None)
-    assert run(order, tasks, cache, alone, quiet) == (first, frozenset(tasks))
+    assert run_tasks(order, tasks, cache, alone, quiet) == (first, frozenset(tasks))
 
 
 def test_a_key_is_for_one_question() -> None:
@@ -91,10 +91,10 @@ def test_a_key_is_for_one_question() -> None:
     )
     orders = [AuditJob(disk, digits, LOCAL) for disk in disks for digits in (12, 13)]
     tasks = [Task("claim", name) for name in LOCAL] + [Task("figure", "eigenvalues")]
-    keys = [key(order, task) for order in orders for task in tasks]
+    keys = [task_key(order, task) for order in orders for task in tasks]
     assert len(set(keys)) == len(keys)
     scenes = [AuditJob(PRINTED, 12, names) for names in (("scene_d",), ("scene_d", "scene_e"))]
-    assert key(scenes[0], Task("figure", "scenes_3d")) != key(
+    assert task_key(scenes[0], Task("figure", "scenes_3d")) != task_key(
         scenes[1], Task("figure", "scenes_3d")
     )
 
@@ -103,14 +103,14 @@ def test_processes_change_nothing() -> None:
     order = AuditJob(PRINTED, 12, (*LOCAL, *HEAVY))
     tasks = tasks_for(order, figures=False)
     steps = []
-    shared, _ = run(
+    shared, _ = run_tasks(
         order,
         tasks,
         Cache(None),
         lambda tasks: process_pool(2),
         lambda label, more: steps.append(more),
     )
-    assert shared == run(order, tasks, Cache(None), alone, quiet)[0]
+    assert shared == run_tasks(order, tasks, Cache(None), alone, quiet)[0]
     assert sum(steps) == len(tasks)
 
 
@@ -125,7 +125,7 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
             return future
 
     order = AuditJob(PRINTED, 12, HEAVY)
-    outcomes, _ = run(
+    outcomes, _ = run_tasks(
         order,
         tasks_for(order, figures=False),
         Cache(None),

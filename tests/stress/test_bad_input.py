@@ -381,7 +381,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
         [
             lambda x: tv.exact(x),
             lambda x: tv.exact("pi") - x,
-            lambda x: tv.bits(100).number(x),
+            lambda x: tv.precision_of_bits(100).number(x),
             lambda x: tv.PRINTED.with_friction(x),
             lambda x: _DISK.equilibrium(x, "30.4"),
             lambda x: tv.Disk(**dict.fromkeys(("r", "e", "m", "A", "B", "g", "mu", "epsilon"), x)),
@@ -416,7 +416,7 @@ CALLS: list[tuple[Wrong, list[Call]]] = [
             lambda n: _DISK.limit_cycle(above_het="0.1", digits=n),
         ],
     ),
-    ((*COUNTS, 23, 4_000_001), [lambda n: tv.bits(n)]),
+    ((*COUNTS, 23, 4_000_001), [lambda n: tv.precision_of_bits(n)]),
     ((*COUNTS, 1001), [lambda n: _DISK.heteroclinic(digits=n)]),
     ((*OBJECTS, -1, 41, 10**400, 0.5, math.nan), [lambda n: _DISK.slow_manifold(n)]),
     ((0, -1, 1025, 10**400), [lambda n: _DISK.harmonic_balance("30.4", harmonics=n)]),

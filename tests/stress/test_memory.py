@@ -16,7 +16,7 @@ import pytest
 from tippedisk_verify.flow.contract import SECTION, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 
 _LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(
@@ -64,7 +64,7 @@ def test_orbits_take_no_more(asked: str) -> None:
         "state": ("pi/2", "2.1", 0),
         "duration": "0.02",
     } | _ASKED[asked]
-    request = Request(**wanted, precision=bits(256))
+    request = Request(**wanted, precision=precision_of_bits(256))
 
     def run() -> None:
         assert engine(request).status is Status.REACHED

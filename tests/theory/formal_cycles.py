@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import mpmath
 
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit_squared
@@ -97,19 +97,19 @@ def formal_cycles(parameters: Parameters, *, normal_form: bool = False) -> Forma
 
     The numbers have mpmath's current precision.
     """
-    constants = parameters.within(mpmath.mp)
+    constants = parameters.constants_in_context(mpmath.mp)
     square, frequency_square = (
         f(parameters) for f in (omega_crit_squared, critical_frequency_squared)
     )
     omega, frequency = (
-        mpmath.sqrt(quotient(mpmath.mp, part)) for part in (square, frequency_square)
+        mpmath.sqrt(rational_in_context(mpmath.mp, part)) for part in (square, frequency_square)
     )
 
     def rates(speed: Series, state: list[Series]) -> list[Series]:
-        ops = equations.shifted(_Ops)
-        terms = equations.terms(ops, constants, speed, *state)
+        ops = equations.shifted_ops(_Ops)
+        terms = equations.equation_terms(ops, constants, speed, *state)
         friction = LAWS["linear"](None, terms.sliding_velocity, constants)
-        force = terms.gyroscopic + terms.gravity + terms.direction * friction
+        force = terms.gyroscopic + terms.gravity + terms.force_direction * friction
         return [state[2], -(speed * ops.cos(state[0])), force * terms.mass.reciprocal()]
 
     # A state of w alone leaves the cubic terms at w^3, so w |w|^2 shows how the linear ones change

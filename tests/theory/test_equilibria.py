@@ -16,9 +16,9 @@ from hypothesis import strategies as st
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.model.results import Eigenvalue
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
@@ -41,10 +41,10 @@ from tippedisk_verify.theory.real_roots import real_roots, square_root
 @given(parameters=physical_parameters(), omega=decimals("1", "60"))
 def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
     """Derive it a second time: the general Jacobian at the equilibrium, in 200 bits."""
-    precision = bits(200)
+    precision = precision_of_bits(200)
     ctx = precision.context
-    constants = type(parameters.at(precision))(
-        *(precision.mpf(value) for value in parameters.at(precision))
+    constants = type(parameters.constants_in(precision))(
+        *(precision.mpf(value) for value in parameters.constants_in(precision))
     )
     state = [precision.mpf(precision.number(part)) for part in location(name)]
     rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(
@@ -84,14 +84,14 @@ def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], d
         [part.uncertainty for pair in parts for part in pair if part.uncertainty] or [smallest]
     )
     norm = max(sum(abs(entry) for entry in row) for row in rows())
-    with mpmath.workdps(3 * (int(mpmath.log10(norm / quotient(mpmath.mp, width))) + 8)):
+    with mpmath.workdps(3 * (int(mpmath.log10(norm / rational_in_context(mpmath.mp, width))) + 8)):
         truths = mpmath.eig(mpmath.matrix(rows()), left=False, right=False)
-        spare = quotient(mpmath.mp, width / 100)
+        spare = rational_in_context(mpmath.mp, width / 100)
 
         def inside(value: Eigenvalue, truth: Any) -> bool:
             pairs = ((value.re, mpmath.re(truth)), (value.im, mpmath.im(truth)))
             return all(
-                abs(part.mpf() - true) <= quotient(mpmath.mp, part.uncertainty) + spare
+                abs(part.mpf() - true) <= rational_in_context(mpmath.mp, part.uncertainty) + spare
                 for part, true in pairs
             )
 
@@ -103,7 +103,7 @@ def assert_eigenvalues(values: Sequence[Eigenvalue], rows: Callable[[], Rows], d
 
 def entries(matrix: Linearization) -> Rows:
     """Return the matrix in mpmath's precision."""
-    omega, *last = (quotient(mpmath.mp, Fraction(entry)) for entry in matrix)
+    omega, *last = (rational_in_context(mpmath.mp, Fraction(entry)) for entry in matrix)
     return [[0, 0, 1], [omega, 0, 0], last]
 
 

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
-from tippedisk_verify.model.equations import terms
+from tippedisk_verify.model.equations import equation_terms
 from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.theory.expansion import derived_expansion, printed_expansion
 
@@ -33,8 +33,8 @@ def series() -> dict[str, sp.Poly]:
     ops = SimpleNamespace(
         sin=lambda name: cut["cos"](angles[name]), cos=lambda name: -cut["sin"](angles[name])
     )
-    full = terms(ops, SYMBOLS, Omega, "beta", "gamma", v)
-    force = full.direction * LAWS["linear"](sp, full.sliding_velocity, SYMBOLS)
+    full = equation_terms(ops, SYMBOLS, Omega, "beta", "gamma", v)
+    force = full.force_direction * LAWS["linear"](sp, full.sliding_velocity, SYMBOLS)
     exact = {
         "mass": full.mass,
         "gyroscopic": full.gyroscopic,

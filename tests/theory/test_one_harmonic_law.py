@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_terms, physical_parameters
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.one_harmonic_law import (
@@ -109,8 +109,10 @@ def test_the_balances_are_projections(parameters, omega, frequency, amplitude) -
     The printed kappa_1 is the projection with the opposite sign of the terms of h with m e.
     """
     with mpmath.workdps(DIGITS):
-        c = parameters.within(mpmath.mp)
-        speed, w, C = (quotient(mpmath.mp, number) for number in (omega, frequency, amplitude))
+        c = parameters.constants_in_context(mpmath.mp)
+        speed, w, C = (
+            rational_in_context(mpmath.mp, number) for number in (omega, frequency, amplitude)
+        )
         reach = c.r + c.e
         for form in FORMS:
             sine, _ = third_order(parameters, speed, w, form, turned=form == "printed")
@@ -153,7 +155,7 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
         (sine, _), (cosine, _) = third_order(parameters, omega, frequency, form)
         return sine, cosine * frequency
 
-    c, base = parameters.within(mpmath.mp), omega**2
+    c, base = parameters.constants_in_context(mpmath.mp), omega**2
     (sine, cosine), (next_sine, next_cosine) = linear(base), linear(2 * base)
     sine_slope, cosine_slope = (next_sine - sine) / base, (next_cosine - cosine) / base
     birth = base - cosine / cosine_slope
@@ -174,10 +176,10 @@ def derived_law(parameters: Parameters, omega: Any, form: Form) -> Law:
 )
 def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
     """Check both sides of Omega_crit; on one of them there is mostly no cycle, which is refused."""
-    rational, crit = parameters.rational(), omega_crit(parameters).value
+    rational, crit = parameters.rational_constants(), omega_crit(parameters).value
     with mpmath.workdps(DIGITS):
         for omega in (crit * (1 - share), crit * (1 + share)):
-            law = derived_law(parameters, quotient(mpmath.mp, omega), form)
+            law = derived_law(parameters, rational_in_context(mpmath.mp, omega), form)
             stated = (
                 *squares(rational, omega, form),
                 delta(rational, omega, form),
@@ -187,7 +189,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                 # Some thirty of eighty digits are lost next to the law's pole, where few draws come
                 # near.
                 assert (
-                    abs(quotient(mpmath.mp, claimed) - derived)
+                    abs(rational_in_context(mpmath.mp, claimed) - derived)
                     < abs(derived) * mpmath.mpf(10) ** -50
                 )
             if min(law.square, law.frequency_squared) < 0:
@@ -205,7 +207,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                 assert number.uncertainty < abs(number.value) / 10**digits
             if form == "consistent":
                 start = (
-                    quotient(mpmath.mp, omega) * amplitude / frequency,
+                    rational_in_context(mpmath.mp, omega) * amplitude / frequency,
                     -amplitude * frequency,
                     truths[2] / 2,
                 )

@@ -11,11 +11,13 @@ import pytest
 from tests.problems import paper_rates
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, wider_precision
 from tippedisk_verify.theory.saddle_chart import ChartFamily, SaddleChart
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-pytestmark = pytest.mark.skipif(companion(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits")
+pytestmark = pytest.mark.skipif(
+    wider_precision(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits"
+)
 
 ORIGIN = Fraction(30)
 DISTANCE = Fraction(1, 2**10)
@@ -29,12 +31,12 @@ def residual(chart: SaddleChart, parameters, point) -> float:
     its terms.
     """
     y = chart.at(point)
-    moved = chart.slopes(point) @ (chart.eigenvalues * point)
+    moved = chart.derivative(point) @ (chart.eigenvalues * point)
     with mpmath.workprec(100):
         state = [mpmath.mpf(number.numerator) / number.denominator for number in map(fraction, y)]
         state = (mpmath.pi / 2 + state[0], -mpmath.pi / 2 + state[1], state[2])
         rates = paper_rates(parameters, ORIGIN + DISTANCE, state)
-        sizes = abs(chart.slopes(point)) @ abs(chart.eigenvalues * point)
+        sizes = abs(chart.derivative(point)) @ abs(chart.eigenvalues * point)
         left = (
             rate - mpmath.mpf(str(rate_of_chart))
             for rate, rate_of_chart in zip(rates, moved, strict=True)
@@ -51,9 +53,9 @@ def test_the_flow_is_linear_in_the_chart(law) -> None:
     """
     parameters = CALIBRATED.changed(friction=law)
     saddle = Saddle(parameters, ORIGIN, 80, 1)
-    families = [ChartFamily(parameters, ORIGIN, saddle.side(which), 20, 5) for which in (0, 1)]
+    families = [ChartFamily(parameters, ORIGIN, saddle.law_side(which), 20, 5) for which in (0, 1)]
     charts = [family.at(EXTENDED.number(DISTANCE)) for family in families]
-    for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
+    for point in (numpy.array(point, EXTENDED.number_type) for point in POINTS):
         chart = charts[0] if point[0] > 1e-3 else charts[1]
         if law == "linear" or abs(point).max() > 1e-3:
             # Truncation and some hundred roundings of 64 bits
@@ -68,6 +70,6 @@ def test_one_law_is_the_other_ones_image() -> None:
     one, other = (
         ChartFamily(smooth, ORIGIN, side, 12, 4).at(EXTENDED.number(0)) for side in (1, -1)
     )
-    for point in (numpy.array(point, EXTENDED.type) for point in POINTS):
+    for point in (numpy.array(point, EXTENDED.number_type) for point in POINTS):
         # Some roundings of 64 bits, of coordinates of 0.1
         assert abs(one.at(point) + other.at(-point)).max() < 1e-19

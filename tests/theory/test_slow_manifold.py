@@ -18,7 +18,7 @@ from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -64,7 +64,7 @@ class Surface(NamedTuple):
     def at(cls, parameters: Parameters, omega: Any, beta: Any, gamma: Any) -> Surface:
         """In mpmath's precision. The square of the step is left out, below the last digit."""
         step = mpmath.mpc(0, mpmath.mpf(10) ** (-mpmath.mp.dps))
-        constants = parameters.within(mpmath.mp)
+        constants = parameters.constants_in_context(mpmath.mp)
         along_beta, along_gamma = (
             orders(mpmath.mp, constants, omega, *place, HIGHEST)
             for place in ((beta + step, gamma), (beta, gamma + step))
@@ -80,7 +80,7 @@ class Surface(NamedTuple):
         """epsilon (dh/dt - v') along the reduced flow beta' = h, gamma' = -Omega cos(beta) of
         an order.
         """
-        epsilon = quotient(mpmath.mp, parameters.epsilon)
+        epsilon = rational_in_context(mpmath.mp, parameters.epsilon)
         powers = [epsilon**n for n in range(order + 1)]
         v, by_beta, by_gamma = (sum(map(operator.mul, part, powers)) for part in self)
         beta_rate, gamma_rate, rate = paper_rates(parameters, omega, (beta, gamma, v))
@@ -114,7 +114,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(
     Under the smooth law only h_0 is right, and a residual of first order remains.
     """
     with mpmath.workdps(DIGITS):
-        speed, *place = (quotient(mpmath.mp, number) for number in (omega, beta, gamma))
+        speed, *place = (rational_in_context(mpmath.mp, number) for number in (omega, beta, gamma))
         surface = Surface.at(parameters, speed, *place)
         disks = [parameters.changed(epsilon=epsilon, friction=law) for epsilon in EPSILONS]
         rows = [
@@ -127,7 +127,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(
             )
         if law == "linear":
             for column, disk in enumerate(disks):
-                constants = disk.within(mpmath.mp)
+                constants = disk.constants_in_context(mpmath.mp)
                 stated = invariance_residuals(mpmath.mp, constants, speed, *place, HIGHEST)
                 for row, residual in zip(rows, stated, strict=True):
                     # Of 200 digits the smallest residual, 1e-100 of its terms, keeps a hundred.
@@ -156,13 +156,15 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(
 ) -> None:
     """Check that v = p x + q y solves the linearised equations up to its order, under both laws."""
     with mpmath.workdps(DIGITS):
-        speed, step = quotient(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
+        speed, step = rational_in_context(mpmath.mp, omega), mpmath.mpf(10) ** -DIGITS
         start = (mpmath.pi / 2, mpmath.pi / 2 if name == "inverted" else -mpmath.pi / 2)
         sizes = []
         for epsilon in EPSILONS:
             disk = parameters.changed(epsilon=epsilon, friction=law)
             reduced = reduced_equilibrium(disk, omega, name, order, mpmath.mp.prec)
-            trace, determinant = (quotient(mpmath.mp, fraction(number)) for number in reduced)
+            trace, determinant = (
+                rational_in_context(mpmath.mp, fraction(number)) for number in reduced
+            )
             by_beta, by_gamma = trace, -determinant / speed
             residuals = []
             for x, y in ((1, 0), (0, 1)):
@@ -175,7 +177,7 @@ def test_the_reduced_linearisation_leaves_residuals_of_its_order(
                     part.imag / step for part in paper_rates(disk, omega, moved)
                 )
                 residuals.append(by_beta * beta_rate + by_gamma * gamma_rate - rate)
-            sizes.append(quotient(mpmath.mp, epsilon) * max(map(abs, residuals)))
+            sizes.append(rational_in_context(mpmath.mp, epsilon) * max(map(abs, residuals)))
         assert_exponent(sizes, order + 1)
 
 
@@ -212,8 +214,8 @@ def test_reduced_flow() -> None:
 
 
 def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
-    constants, point = PRINTED.at(DOUBLE), (1.2, 0.3)
-    free = PRINTED.changed(mu="1e-30").at(DOUBLE)
+    constants, point = PRINTED.constants_in(DOUBLE), (1.2, 0.3)
+    free = PRINTED.changed(mu="1e-30").constants_in(DOUBLE)
     with_friction, without = (
         equations.jacobian(math, c, 30.4, "linear")(*point, 0.5)[2][2] for c in (constants, free)
     )
@@ -224,7 +226,7 @@ def test_attraction_rate_is_the_friction_part_of_the_jacobian() -> None:
 def test_command() -> None:
     """Check at another point: h_0 is pure rolling, gamma_y = 0."""
     result = answer("slow-manifold --order 2 --beta 1.4 --gamma -2.5 --omega 30.4")
-    c = PRINTED.at(DOUBLE)
+    c = PRINTED.constants_in(DOUBLE)
     rolling = 30.4 * c.e * math.sin(1.4) * math.cos(-2.5) / (c.r + c.e * math.sin(-2.5))
     assert [float(h["value"]) for h in result["h"][:2]] == pytest.approx(
         [rolling, first_correction(math, c, 30.4, 1.4, -2.5)],

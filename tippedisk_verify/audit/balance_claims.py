@@ -18,7 +18,7 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
     """Compare a part of the printed expansion with the derived one, coefficient by coefficient, for
     one set.
     """
-    constants, speed = audit.sets[name].rational(), Fraction("30.4")
+    constants, speed = audit.sets[name].rational_constants(), Fraction("30.4")
     follows, claimed = (
         getattr(function(constants, speed), part)
         for function in (derived_expansion, printed_expansion)
@@ -37,7 +37,7 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
 
     tests/theory derives that value by projection.
     """
-    constants, speed = audit.sets[name].rational(), Fraction("30.4")
+    constants, speed = audit.sets[name].rational_constants(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
     claimed, follows = (

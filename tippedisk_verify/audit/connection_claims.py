@@ -10,9 +10,9 @@ from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclin
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS", "FAMILY"]
@@ -95,8 +95,10 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 
     Two of these are the noninverted states.
     """
-    ctx = bits(400).context
-    rates = field(ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), audit.parameters.friction)
+    ctx = precision_of_bits(400).context
+    rates = vector_field(
+        ctx, audit.sets[name].constants_in_context(ctx), ctx.mpf("30.4"), audit.parameters.friction
+    )
     difference = ctx.mpf(0)
     for beta, gamma, v in (
         (ctx.pi / 2, -ctx.pi / 2, ctx.mpf(0)),

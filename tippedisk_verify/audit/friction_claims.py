@@ -11,7 +11,7 @@ from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.equations import jacobian, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -43,7 +43,7 @@ def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
         float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS
     ]
     cycles = [_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS]
-    constants = parameters.at(DOUBLE)
+    constants = parameters.constants_in(DOUBLE)
     rows = [jacobian(math, constants, crit, law)(math.pi / 2, math.pi / 2, 0.0)[2] for law in _LAWS]
     kinds = [
         criticality(parameters),
@@ -77,8 +77,8 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     parameters = audit.sets[name]
     linear, smooth = (_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS)
     _, states = linear.orbit(200, engine=audit.engine)
-    constants = parameters.at(DOUBLE)
-    sliding = terms(numpy, constants, float(linear.omega), *states).sliding_velocity
+    constants = parameters.constants_in(DOUBLE)
+    sliding = equation_terms(numpy, constants, float(linear.omega), *states).sliding_velocity
     share = float(numpy.abs(sliding).max()) / constants.epsilon
     difference = abs(float(smooth.period.value / linear.period.value) - 1)
     certain = (
@@ -96,7 +96,7 @@ def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     import numpy
 
     parameters, ranges, falling = audit.sets[name], [], []
-    constants, speed = parameters.at(DOUBLE), float(_below(parameters))
+    constants, speed = parameters.constants_in(DOUBLE), float(_below(parameters))
     beta, gamma = numpy.mgrid[0.35 : math.pi - 0.35 : 24j, -math.pi / 2 : 3 * math.pi / 2 : 32j]
     v, distance = (
         critical_manifold(numpy, constants, speed, beta, gamma) + 0.25,

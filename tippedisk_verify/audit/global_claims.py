@@ -94,12 +94,12 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """
     import numpy
 
-    constants, smallest = audit.sets[name].at(DOUBLE), math.inf
+    constants, smallest = audit.sets[name].constants_in(DOUBLE), math.inf
     for panel in (audit.computed_scene(scene, name) for scene in "abcdef"):
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
-            rate = equations.field(numpy, constants, omega, audit.parameters.friction)(
+            rate = equations.vector_field(numpy, constants, omega, audit.parameters.friction)(
                 beta, gamma, v
             )[2]
             forces = equations.normal_force_over_weight(numpy, constants, omega, state, rate)

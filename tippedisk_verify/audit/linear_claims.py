@@ -17,11 +17,11 @@ from tippedisk_verify.audit.claims import (
     printed_word,
     rounds_to,
 )
-from tippedisk_verify.model.equations import jacobian, terms
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.equations import equation_terms, jacobian
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     equilibrium,
@@ -54,7 +54,9 @@ _CLOSED_FORMS: dict[str, Callable[[Parameters, int], Measured]] = {
     "lambda_3": lambda parameters, digits: Measured(
         linearization(parameters, Fraction(1)).A33, Fraction(0)
     ),
-    "chi": lambda parameters, digits: Measured(chi(parameters.rational(), "printed"), Fraction(0)),
+    "chi": lambda parameters, digits: Measured(
+        chi(parameters.rational_constants(), "printed"), Fraction(0)
+    ),
 }
 
 
@@ -119,9 +121,9 @@ def _friction_free(audit: Audit, name: str) -> str:
 
 def _square_of_sine(audit: Audit, name: str) -> str:
     """Return the reading of the printed square for which gamma_y is the contact point's velocity."""
-    c, omega, beta, gamma, v = audit.sets[name].at(DOUBLE), 30.4, 1.2, 0.3, 0.7
+    c, omega, beta, gamma, v = audit.sets[name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
-    velocity = terms(math, c, omega, beta, gamma, v).sliding_velocity
+    velocity = equation_terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
     # The two readings differ by a tenth.
     readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}
@@ -148,13 +150,16 @@ def _critical_pair(audit: Audit, name: str) -> str:
 
 def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Compare A31, A32 and A33 with the derivative of the full equations, in 200 bits."""
-    ctx, parameters, speed = bits(200).context, audit.sets[name], Fraction("30.4")
+    ctx, parameters, speed = precision_of_bits(200).context, audit.sets[name], Fraction("30.4")
     state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
-    row = jacobian(ctx, parameters.within(ctx), quotient(ctx, speed), "linear")(*state)[2]
+    row = jacobian(
+        ctx, parameters.constants_in_context(ctx), rational_in_context(ctx, speed), "linear"
+    )(*state)[2]
     entries = linearization(parameters, speed)[1:]
     # pi/2 carries an error of 2^-200, second derivatives are below 1e6 times the entries.
     close = all(
-        abs(a - quotient(ctx, b)) <= abs(a) * 2.0**-150 for a, b in zip(row, entries, strict=True)
+        abs(a - rational_in_context(ctx, b)) <= abs(a) * 2.0**-150
+        for a, b in zip(row, entries, strict=True)
     )
     return "equal" if close else "different", close
 

@@ -7,10 +7,10 @@ from fractions import Fraction
 from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, printed_word
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,
@@ -32,7 +32,7 @@ __all__ = ["MANIFOLD_CLAIMS"]
 
 def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Compare the paper's h_1 with the recursion's at the twenty fixed points."""
-    constants, speed = audit.sets[name].at(DOUBLE), 30.4
+    constants, speed = audit.sets[name].constants_in(DOUBLE), 30.4
     worst = 0.0
     for beta, gamma in RESIDUAL_POINTS:
         formula = first_correction(math, constants, speed, float(beta), float(gamma))
@@ -42,7 +42,7 @@ def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, boo
 
 
 def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    constants = audit.sets[name].at(DOUBLE)
+    constants = audit.sets[name].constants_in(DOUBLE)
     rates = [
         attraction_rate(math, constants, 0.01 * k, 0.1 * n)
         for k in range(1, 314)
@@ -67,9 +67,14 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
 
     Growth over twelve terms does not disprove convergence, so the claim is then undecided.
     """
-    ctx = bits(160).context
+    ctx = precision_of_bits(160).context
     terms = orders(
-        ctx, audit.sets[name].within(ctx), ctx.mpf("30.4"), ctx.mpf("1.2"), ctx.mpf("0.3"), 12
+        ctx,
+        audit.sets[name].constants_in_context(ctx),
+        ctx.mpf("30.4"),
+        ctx.mpf("1.2"),
+        ctx.mpf("0.3"),
+        12,
     )
     roots = [float(abs(term)) ** (1 / n) for n, term in enumerate(terms) if n]
     growing = roots[2] < roots[5] < roots[11]
@@ -103,11 +108,11 @@ def _slow_variables(audit: Audit, name: str) -> str:
 
 def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     """Check that the printed state is an equilibrium, in the model's domain, and noninverted."""
-    constants = audit.sets[name].at(DOUBLE)
+    constants = audit.sets[name].constants_in(DOUBLE)
     state = [DOUBLE.number(exact(part)) for part in printed.strip("()").split(", ")]
     sin_beta = math.sin(state[0])
     # Rounding of the angles, times the field's derivatives of up to 1e4.
-    still = max(map(abs, field(math, constants, 30.4, "linear")(*state))) < 1e-11
+    still = max(map(abs, vector_field(math, constants, 30.4, "linear")(*state))) < 1e-11
     attracts = is_stable(
         Linearization(30.4 * sin_beta, *jacobian(math, constants, 30.4, "linear")(*state)[2])
     )

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
-from tippedisk_verify.bench.truth import Truth, compute_truth, numbers_of
+from tippedisk_verify.bench.truth import Truth, compared_numbers, compute_truth
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import usable_cores
@@ -127,7 +127,7 @@ def run_race(
     for problem in problems:
         entries = []
         for method in methods:
-            if method.fits(problem):
+            if method.can_solve(problem):
                 advance(f"{problem.name}: {method.name}", 1)
                 entries += _first_runs(problem, method)
         for repeat in range(_MAX_REPEATS - 1):
@@ -174,13 +174,13 @@ def _first_runs(problem: Problem, method: Method) -> list[_Entry]:
     for setting in method.settings:
         entry = _Entry(problem, method, setting)
         entries.append(entry)
-        if longest > method.patience:
+        if longest > method.max_run_seconds:
             entry.status = f"not run: the setting before took {longest:.1f} s"
             continue
         begin = time.perf_counter()
         try:
             entry.prepared = method.prepare(problem, setting)
-            entry.outcome = entry.prepared.sampled()
+            entry.outcome = entry.prepared.run_with_samples()
             entry.preparation = time.perf_counter() - begin
             entry.status = entry.outcome.status
             if entry.status == "reached":
@@ -208,7 +208,7 @@ def _score(entry: _Entry, truth: Truth) -> Score:
             for value, true in zip(state, row, strict=True)
         )
         try:
-            found = numbers_of(entry.problem, list(entry.ends.values()), truth.precision)
+            found = compared_numbers(entry.problem, list(entry.ends.values()), truth.precision)
             pairs = zip(found, truth.numbers, strict=True)
             error = max(abs(float(number - true.value)) for number, true in pairs)
         except ArithmeticError as fault:

@@ -11,9 +11,8 @@ from tippedisk_verify.flow.contract import Engine, Status
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.equations import field as vector_field
-from tippedisk_verify.model.equations import jacobian
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, bits
+from tippedisk_verify.model.equations import jacobian, vector_field
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 __all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared"]
 
@@ -39,7 +38,7 @@ class Prepared:
     """An integrator set up for a problem of the comparison, ready to run."""
 
     run: Callable[[float], Any]  #: integrates to a time [s] and returns the state there
-    sampled: Callable[[], MethodRun]  #: integrates to the end and returns the samples
+    run_with_samples: Callable[[], MethodRun]  #: integrates to the end and returns the samples
     clock: Callable[[], float | None] | None = None  #: seconds of the last run by its own clock
 
 
@@ -51,8 +50,8 @@ class Method:
     family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
     prepare: Callable[[Problem, Any], Prepared]  #: does what is done once: compiling, allocating
-    fits: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
-    patience: float = 0.3  #: [s]; after a longer run its tighter settings are left out
+    can_solve: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
+    max_run_seconds: float = 0.3  #: [s]; after a longer run its tighter settings are left out
 
     def label(self, setting: Any) -> str:
         """Return a setting of the method, such as a tolerance, as text."""
@@ -97,7 +96,7 @@ _PRECISIONS = {
     "double": DOUBLE,
     "extended": EXTENDED,
     "quadruple": QUADRUPLE,
-    "50 digits": bits(170),
+    "50 digits": precision_of_bits(170),
 }
 _DIGITS = (12, 14, 16, 18, 20, 22, 25)  # settings of the runs with half-widths
 
@@ -114,13 +113,13 @@ def _with_half_widths(problem: Problem, digits: int) -> Prepared:
     return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 
-def _bare(problem: Problem, name: str) -> Prepared:
+def _heyoka_alone(problem: Problem, name: str) -> Prepared:
     """Prepare a run of heyoka alone on a problem of the comparison, as its manual shows.
 
     It shows the time that this package adds.
     """
     precision = _PRECISIONS[name]
-    constants, omega = problem.parameters.at(precision), precision.number(problem.omega)
+    constants, omega = problem.parameters.constants_in(precision), precision.number(problem.omega)
     hy, state, rates = _in_symbols(
         problem, lambda ops, *_: vector_field(ops, constants, omega, problem.friction)
     )
@@ -129,7 +128,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
     stepper = hy.taylor_adaptive(
         list(zip(state, rates, strict=True)),
         start.tolist(),
-        fp_type=precision.type,
+        fp_type=precision.number_type,
         compact_mode=precision != DOUBLE,
         **options,
     )
@@ -143,7 +142,7 @@ def _bare(problem: Problem, name: str) -> Prepared:
         ends = []
         for end in times:
             stepper.propagate_until(precision.number(end))
-            ends.append(precision.owned(stepper.state))
+            ends.append(precision.copy_array(stepper.state))
         return ends
 
     return Prepared(run, lambda: MethodRun("reached", _flown(problem.times)))
@@ -160,11 +159,11 @@ def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, lis
     """
     hy = heyoka_module()
     state = hy.make_vars("beta", "gamma", "v")
-    constants = problem.parameters.at(DOUBLE)
+    constants = problem.parameters.constants_in(DOUBLE)
     return hy, list(state), formula(hy, constants, problem.omega, "linear")(*state)
 
 
-def _compiled(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, Any], Any]:
+def _compile(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, Any], Any]:
     """Compile the linear law's right-hand side or its Jacobian to machine code.
 
     Args:
@@ -186,9 +185,9 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     def prepare(problem: Problem, tolerance: float) -> Prepared:
         from scipy.integrate import solve_ivp
 
-        rates = _compiled(problem, vector_field)
+        rates = _compile(problem, vector_field)
         options = (
-            {"jac": _compiled(problem, jacobian)} if method in ("LSODA", "Radau", "BDF") else {}
+            {"jac": _compile(problem, jacobian)} if method in ("LSODA", "Radau", "BDF") else {}
         )
 
         def solve(times: Any = None, duration: float = problem.duration) -> Any:
@@ -214,12 +213,12 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
     return prepare
 
 
-def _linear(problem: Problem) -> bool:
+def _has_linear_law(problem: Problem) -> bool:
     return problem.parameters.law.is_linear
 
 
 BENCH_METHODS: tuple[Method, ...] = (
-    Method("bare heyoka", "bare", tuple(_PRECISIONS), _bare, _linear),
+    Method("bare heyoka", "bare", tuple(_PRECISIONS), _heyoka_alone, _has_linear_law),
     Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor)),
     Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor, fast_math=True)),
     Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), _engine(Taylor, high_accuracy=True)),
@@ -230,6 +229,10 @@ BENCH_METHODS: tuple[Method, ...] = (
         for name in ("RK45", "LSODA", "Radau", "BDF")
     ),
     Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(ScipyEngine, "DOP853")),
-    Method("scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _linear),
-    Method("scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _linear),
+    Method(
+        "scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _has_linear_law
+    ),
+    Method(
+        "scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _has_linear_law
+    ),
 )

@@ -22,7 +22,7 @@ from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.exact import as_list, fraction, short_text
 
 __all__ = [
-    "OWN",
+    "OWN_FAMILY",
     "TOLERANCES",
     "Solver",
     "checked_states",
@@ -34,7 +34,7 @@ __all__ = [
 #: A user's integrator: the states (n, 3) at ``problem.times`` to a relative tolerance.
 Solver = Callable[[Problem, float], Any]
 #: The family of methods that users bring.
-OWN = "own"
+OWN_FAMILY = "own"
 #: The tolerances at which an integrator runs if none are named, loosest first.
 TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _PATIENCE = 2.0  # s; after a longer run the tighter tolerances are left out
@@ -69,7 +69,7 @@ def user_method(
 
         return Prepared(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
 
-    return Method(name, OWN, _settings(tolerances), prepare, patience=_PATIENCE)
+    return Method(name, OWN_FAMILY, _settings(tolerances), prepare, max_run_seconds=_PATIENCE)
 
 
 def _settings(tolerances: object) -> tuple[float, ...]:
@@ -112,7 +112,8 @@ def question(problem: Problem, tolerance: float) -> dict[str, Any]:
         "problem": problem.name,
         "friction": problem.friction,
         "parameters": {
-            name: float(value) for name, value in problem.parameters.rational()._asdict().items()
+            name: float(value)
+            for name, value in problem.parameters.rational_constants()._asdict().items()
         },
         "Omega": problem.omega,
         "tolerance": tolerance,
@@ -163,7 +164,7 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
     return Score(
         problem=problem.name,
         method=name,
-        family=OWN,
+        family=OWN_FAMILY,
         setting=row["setting"],
         status="reached",
         error=error,

@@ -18,7 +18,7 @@ from typing import Any
 from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.precision import DOUBLE
 
 __all__ = ["PEERS", "peer_methods"]
@@ -32,8 +32,8 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
         import numpy
         from sksundae.cvode import CVODE
 
-        constants = problem.parameters.at(DOUBLE)
-        rates = field(math, constants, problem.omega, problem.friction)
+        constants = problem.parameters.constants_in(DOUBLE)
+        rates = vector_field(math, constants, problem.omega, problem.friction)
         slopes = jacobian(math, constants, problem.omega, problem.friction)
 
         def right(t: float, y: Any, yp: Any) -> None:
@@ -74,7 +74,9 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
         import diffrax
         import jax.numpy as jnp
 
-        rates = field(jnp, problem.parameters.at(DOUBLE), problem.omega, problem.friction)
+        rates = vector_field(
+            jnp, problem.parameters.constants_in(DOUBLE), problem.omega, problem.friction
+        )
         term = diffrax.ODETerm(lambda t, y, args: jnp.stack(rates(y[0], y[1], y[2])))
         solver = getattr(diffrax, name)()
         controller = diffrax.PIDController(rtol=tolerance, atol=tolerance)

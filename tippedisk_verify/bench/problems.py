@@ -12,7 +12,7 @@ from typing import Any, Literal
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.arrays import ArrayFunction
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -67,7 +67,7 @@ class Problem:
         """The equations of motion as ``f(t, y)`` in NumPy, for `solve_ivp` and its like (Eq.
         3DOF).
         """
-        return ArrayFunction(field, self.parameters, self.omega)
+        return ArrayFunction(vector_field, self.parameters, self.omega)
 
     @property
     def scalar_rhs(self) -> Callable[[object, Any], Any]:
@@ -92,7 +92,9 @@ class Problem:
         """
         if language not in tuple(_SOURCES):  # a list cannot be a key
             raise InputError(f"no source in '{short_text(language)}': use {' or '.join(_SOURCES)}")
-        rates = field(_SourceExpression, self.parameters.at(DOUBLE), self.omega, self.friction)
+        rates = vector_field(
+            _SourceExpression, self.parameters.constants_in(DOUBLE), self.omega, self.friction
+        )
         rows = rates(*(_SourceExpression(name) for name in ("beta", "gamma", "v")))
         return _SOURCES[language].format(*rows)
 

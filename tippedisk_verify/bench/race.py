@@ -34,7 +34,7 @@ from tippedisk_verify.progress import show_progress
 
 __all__ = ["Race", "program_method", "race"]
 
-_AGAINST = ("taylor", "scipy DOP853", "scipy LSODA", "scipy Radau")
+_DEFAULT_OPPONENTS = ("taylor", "scipy DOP853", "scipy LSODA", "scipy Radau")
 _MAX_FILE_BYTES = 2**24  # bytes of a file of answers
 _TIME_LIMIT = 60.0  # s that a program may take for a run
 
@@ -99,7 +99,7 @@ def race(
     *,
     problems: str | Problem | Sequence[str | Problem] = "cycle",
     tolerances: float | Sequence[float] = TOLERANCES,
-    against: str | Sequence[str | Method] = _AGAINST,
+    against: str | Sequence[str | Method] = _DEFAULT_OPPONENTS,
     answers: str | Path | Sequence[str | Path] = (),
     error: ErrorKind = "state",
     progress: bool | None = None,
@@ -152,7 +152,7 @@ def race(
         cut_at_returns(one if isinstance(one, Problem) else problem_named(one), error)
         for one in as_list(problems)
     ]
-    methods = [one if isinstance(one, Method) else _known(one) for one in as_list(against)]
+    methods = [one if isinstance(one, Method) else _method_named(one) for one in as_list(against)]
     files = [_path(file) for file in as_list(answers)]
     if files and error != "state":
         raise InputError(f"files of answers have states only: leave them out for the {error}")
@@ -171,7 +171,7 @@ def race(
                 if isinstance(solver, str)
                 else user_method(name, solver, tolerances)
             )
-        total = sum(method.fits(problem) for method in methods for problem in chosen)
+        total = sum(method.can_solve(problem) for method in methods for problem in chosen)
         scores = run_race(chosen, methods, running.enter_context(show_progress(total, progress)))
     return Race((*scores, *elsewhere))
 
@@ -183,7 +183,7 @@ def _refuse_equal(kind: str, names: Sequence[str]) -> None:
             raise InputError(f"{count} {kind} are called '{short_text(name)}': use distinct names")
 
 
-def _known(name: object) -> Method:
+def _method_named(name: object) -> Method:
     for method in BENCH_METHODS:
         if method.name == name:
             return method

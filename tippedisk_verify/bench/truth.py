@@ -46,12 +46,12 @@ from tippedisk_verify.bench.problems import ErrorKind, Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, raise_unless_usable
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
 
-__all__ = ["Truth", "compute_truth", "cut_at_returns", "has_error", "numbers_of"]
+__all__ = ["Truth", "compared_numbers", "compute_truth", "cut_at_returns", "defines_error"]
 
 _CROSSING = Event("crossing", SECTION.function, direction=1, terminal=False)  # v < 0
 _LARGEST = Event("largest", BETA_EXTREME.function, direction=-1, terminal=False)
@@ -64,7 +64,7 @@ class Truth:
     """The true states of a problem at its sample times, and the numbers that are compared."""
 
     samples: tuple[tuple[Measured, ...], ...]  #: (n, 3)
-    numbers: tuple[Measured, ...]  #: of `numbers_of` at the problem's stops
+    numbers: tuple[Measured, ...]  #: of `compared_numbers` at the problem's stops
     uncertainty: float  #: the largest half-width
     precision: Precision  #: the arithmetic in which runs are compared with it
 
@@ -80,13 +80,19 @@ def compute_truth(problem: Problem, sharp: bool = True) -> Truth:
     Raises:
         ArithmeticError: If an integration fails.
     """
-    working = (bits(200), bits(266)) if sharp else (QUADRUPLE, bits(140))
+    working = (
+        (precision_of_bits(200), precision_of_bits(266))
+        if sharp
+        else (QUADRUPLE, precision_of_bits(140))
+    )
     samples, numbers = [], []
     for precision in working:
         request = problem.request(precision=precision, times=precision.array(problem.times))
         states = raise_unless_usable(default_engine()(request)).samples
         samples.append([fraction(value) for state in states for value in state])
-        numbers.append(numbers_of(problem, [states[stop] for stop in problem.stops], precision))
+        numbers.append(
+            compared_numbers(problem, [states[stop] for stop in problem.stops], precision)
+        )
     cells, compared = (
         [Measured.compared(a, b, working[0].epsilon) for a, b in zip(rough, wider, strict=True)]
         for rough, wider in (samples, numbers)
@@ -142,7 +148,7 @@ def cut_at_returns(problem: Problem, error: ErrorKind) -> Problem:
     )
 
 
-def has_error(problem: Problem, error: ErrorKind) -> bool:
+def defines_error(problem: Problem, error: ErrorKind) -> bool:
     """Return True if `cut_at_returns` gives the problem for an error of this kind."""
     with suppress(InputError):
         cut_at_returns(problem, error)
@@ -150,7 +156,9 @@ def has_error(problem: Problem, error: ErrorKind) -> bool:
     return False
 
 
-def numbers_of(problem: Problem, states: Sequence[Any], precision: Precision) -> list[Fraction]:
+def compared_numbers(
+    problem: Problem, states: Sequence[Any], precision: Precision
+) -> list[Fraction]:
     """Return the numbers of a run that are compared with the true ones.
 
     Args:
@@ -179,7 +187,7 @@ def _passage(problem: Problem, state: Iterable[Any], precision: Precision) -> tu
     """Return the time [s] by which a state precedes the section, or v = 0, and the state there."""
     ops, place, shift = precision.ops, precision.array(list(state)), precision.number(0)
     omega = precision.number(problem.omega)
-    rates = field(ops, problem.parameters.at(precision), omega, problem.friction)
+    rates = vector_field(ops, problem.parameters.constants_in(precision), omega, problem.friction)
     request = problem.request(precision=precision)
     for _ in range(_MAX_NEWTON_STEPS):
         beta, _, v = place

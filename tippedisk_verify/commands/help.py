@@ -12,7 +12,7 @@ from textwrap import wrap
 
 import click
 
-from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, heading, quantities
+from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, column_heading, quantities
 
 __all__ = ["EXAMPLES", "Cli", "DefinedCommand", "load_quantities"]
 
@@ -164,7 +164,7 @@ def _defined(path: str) -> list[str]:
             else:
                 meanings = {name: COORDINATES[name]}
             known |= {key: entry for key, entry in meanings.items() if key not in known}
-    definitions = [f"{heading(name)}: {entry.meaning}" for name, entry in known.items()]
+    definitions = [f"{column_heading(name)}: {entry.meaning}" for name, entry in known.items()]
     lines = [
         line
         for definition in definitions

@@ -23,7 +23,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import read_text, write_bytes, write_table
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import Exact, exact
-from tippedisk_verify.model.results import with_widths
+from tippedisk_verify.model.results import numbers_as_json
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.distance_study import NearHeteroclinic
@@ -78,7 +78,9 @@ def heteroclinic(
     if out is not None:
         times, states, widths = connection.samples()
         exact_times = [exact_text(Fraction(time)) for time in times]
-        write_table(out, with_width_columns(motion_rows(exact_times, *with_widths(states, widths))))
+        write_table(
+            out, with_width_columns(motion_rows(exact_times, *numbers_as_json(states, widths)))
+        )
     return connection
 
 

@@ -33,7 +33,7 @@ from tippedisk_verify.model.equations import require_one_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import heading, result_lines
+from tippedisk_verify.model.results import column_heading, result_lines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -374,7 +374,7 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
     )
     reasons = (entries["status"] for entries in result["orbits"] if "status" in entries)
     return [
-        *table([heading(name) for name in shown], rows),
+        *table([column_heading(name) for name in shown], rows),
         *dict.fromkeys(reasons),
         *result_lines({name: entry for name, entry in result.items() if name != "orbits"}),
     ]

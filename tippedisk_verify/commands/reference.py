@@ -14,7 +14,7 @@ from tippedisk_verify.commands.common import (
     group,
 )
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
-from tippedisk_verify.model.results import heading
+from tippedisk_verify.model.results import column_heading
 
 if TYPE_CHECKING:
     from tippedisk_verify.reference_values.store import ReferenceValue
@@ -116,7 +116,9 @@ def _lines(reference_value: ReferenceValue) -> Iterator[str]:
     yield f"  is            {reference_value.definition}"
     for reading, (value, uncertainty) in reference_value.values.items():
         yield f"  from {reading:8s} {value} ± {uncertainty}"
-    inputs = ", ".join(f"{heading(name)} {text}" for name, text in reference_value.inputs.items())
+    inputs = ", ".join(
+        f"{column_heading(name)} {text}" for name, text in reference_value.inputs.items()
+    )
     yield f"  inputs        {inputs or 'the parameters only'}"
     distances = ", ".join(
         f"{name} within {away}" for name, away in reference_value.methods.items() if away != "0"

@@ -74,10 +74,10 @@ def sweep(
     executor: str,
     jobs: int | None,
 ) -> int:
-    from tippedisk_verify.sweep.plan import Plan, axis
+    from tippedisk_verify.sweep.plan import SweepPlan, parse_axis
     from tippedisk_verify.sweep.running import run_sweep
 
-    plan = Plan(analysis, common.disk, tuple(axis(text) for text in over), common.digits)
+    plan = SweepPlan(analysis, common.disk, tuple(parse_axis(text) for text in over), common.digits)
     with common.progress(len(plan)) as advance:
         points, without = run_sweep(plan, out, lambda: worker_executor(executor, jobs), advance)
     line = f"{points} points, {without} of them without results (see their status): {out}"
@@ -118,12 +118,13 @@ def bench(
     from tippedisk_verify.bench.peers import peer_methods
     from tippedisk_verify.bench.problems import PROBLEMS
     from tippedisk_verify.bench.race import race
-    from tippedisk_verify.bench.truth import has_error
+    from tippedisk_verify.bench.truth import defines_error
 
     folder = lock_output_folder(out)
     found = race(
         {} if program is None else {program: program},
-        problems=tuple(dict.fromkeys(only)) or [one for one in PROBLEMS if has_error(one, error)],
+        problems=tuple(dict.fromkeys(only))
+        or [one for one in PROBLEMS if defines_error(one, error)],
         against=(*BENCH_METHODS, *(peer_methods() if peers else ())),
         answers=answers,
         error=error,

@@ -77,7 +77,7 @@ def verify(
     from tippedisk_verify.audit.claim_catalogue import equations_named, select_claims
     from tippedisk_verify.audit.claims import Finding
     from tippedisk_verify.report.results_json import results_json, run_facts, summary
-    from tippedisk_verify.report.tasks import AuditJob, run, tasks_for
+    from tippedisk_verify.report.tasks import AuditJob, run_tasks, tasks_for
 
     began = time.monotonic()
     names = [name for group in (*only, *more) for name in group.split(",") if name]
@@ -88,7 +88,7 @@ def verify(
     order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
     tasks = tasks_for(order, figures=folder is not None)
     with common.progress(len(tasks) + (folder is not None)) as advance:
-        outcomes, kept = run(
+        outcomes, kept = run_tasks(
             order,
             tasks,
             Cache(default_folder(), fresh=fresh),
@@ -160,7 +160,7 @@ def _verdict_lines(
     from tippedisk_verify.report.results_json import (
         claim_json,
         summary,
-        totals,
+        totals_sentence,
         value_text,
         verdict_words,
     )
@@ -198,7 +198,7 @@ def _verdict_lines(
         )
         if proof := entry["proof"]:
             yield f"    {entry['grade']} by {proof['theorem']}: {proof['proves']}"
-    yield totals(summary(findings)) + "."
+    yield totals_sentence(summary(findings)) + "."
 
 
 def _computed(entry: dict[str, Any]) -> str:

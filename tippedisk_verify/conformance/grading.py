@@ -17,7 +17,7 @@ from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import printable
-from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.grading_rules import (
@@ -234,7 +234,7 @@ def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list
         store: The questions with their truths.
     """
     ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_beside(id_)))
-    with arithmetic():
+    with decimal_arithmetic():
         return [_grade(store[id_], *answers.by_id[id_]) for id_ in ids if id_ in answers.by_id]
 
 
@@ -373,11 +373,11 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
         raise InputError(
             f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'"
         )
-    with arithmetic():
+    with decimal_arithmetic():
         return _grade(quantity, reading, answer_text(answer))
 
 
-@arithmetic()
+@decimal_arithmetic()
 def answer_text(answer: object) -> str:
     """Convert an answer of any kind to the text of its decimal.
 

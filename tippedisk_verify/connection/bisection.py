@@ -18,7 +18,7 @@ from tippedisk_verify.model.exact import Exact
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import (
     equilibrium,
@@ -136,7 +136,7 @@ def bisect_omega_h(
         AccuracyError: If a branch cannot be followed, or the wider arithmetic does not confirm the
             bracket.
     """
-    passes = partial(_passes, parameters, engine)
+    passes = partial(_passes_next_saddle, parameters, engine)
     lower, upper = _bracket(passes, Fraction(float(omega_crit(parameters))))
     centre, half_width = (lower + upper) / 2, (upper - lower) * 2
     # The branch winds about a saddle-focus and passes it without being connected.
@@ -148,7 +148,7 @@ def bisect_omega_h(
             Measured(centre, half_width + _spread_of_tolerances(passes, centre)),
             "bisection, tolerances",
         )
-    wider = companion(DOUBLE)
+    wider = wider_precision(DOUBLE)
     confirmed = partial(passes, precision=wider, offset=_START_DISTANCE / 8)
     while not confirmed(centre - half_width) or confirmed(centre + half_width):
         half_width *= 2
@@ -163,7 +163,7 @@ def bisect_omega_h(
     )
 
 
-def _passes(
+def _passes_next_saddle(
     parameters: Parameters,
     engine: Engine,
     omega: Fraction,
@@ -205,7 +205,7 @@ def _spread_of_tolerances(passes: Callable[..., bool], centre: Fraction) -> Frac
             upper, lower = lower, lower - 8 * (upper - lower)
         while loosely(upper):
             lower, upper = upper, upper + 8 * (upper - lower)
-        values.append(_narrowed(loosely, lower, upper)[0])
+        values.append(_bisect_to_neighbours(loosely, lower, upper)[0])
     return _SPREAD_FACTOR * (max(values) - min(values)) + centre / 2**48
 
 
@@ -231,10 +231,10 @@ def _bracket(passes: Callable[..., bool], top: Fraction) -> tuple[Fraction, Frac
                 "the saddle's unstable manifold turns back at every speed down to Omega_crit / 2: no "
                 "connection"
             )
-    return _narrowed(passes, lower, upper)
+    return _bisect_to_neighbours(passes, lower, upper)
 
 
-def _narrowed(
+def _bisect_to_neighbours(
     passes: Callable[..., bool], lower: Fraction, upper: Fraction
 ) -> tuple[Fraction, Fraction]:
     """Return two neighbouring doubles [rad/s] between which the branch changes sides, by bisection.

@@ -15,7 +15,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
 from tippedisk_verify.model.arrays import ArrayFunction, round_to_doubles
-from tippedisk_verify.model.equations import field as equations_of_motion
+from tippedisk_verify.model.equations import vector_field as equations_of_motion
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters

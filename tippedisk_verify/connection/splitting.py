@@ -32,7 +32,7 @@ import numpy
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
@@ -40,9 +40,9 @@ from tippedisk_verify.model.precision import (
     EXTENDED,
     QUADRUPLE,
     Precision,
-    bits,
     bits_for_digits,
-    companion,
+    precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.progress import report_share
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -85,15 +85,15 @@ class Splitting:
     omega: Fraction  #: [rad/s]
     u: Any  #: along the unstable eigenvector; 0 on the stable manifold
     s: Any  #: along the slow stable curve
-    t: Any  #: along the fast direction
-    growth: Any  #: |s|^(-lambda_u / lambda_s), which carries u back to s = 1
+    f: Any  #: along the fast direction
+    invariant_factor: Any  #: |s|^(-lambda_u / lambda_s), which carries u back to s = 1
 
     @property
-    def carried(self) -> Fraction:
+    def invariant(self) -> Fraction:
         """The splitting u |s|^(-lambda_u / lambda_s). The linear flow keeps it constant, so flights
         of any length can be compared.
         """
-        return fraction(self.u * self.growth)
+        return fraction(self.u * self.invariant_factor)
 
 
 class SplittingFunction:
@@ -107,9 +107,9 @@ class SplittingFunction:
         speed: A speed near Omega_h [rad/s], at which series and flight time are chosen.
         engine: The engine of the flights.
         precision: The arithmetic of the flights.
-        closer: The factor by which start and end are closer to the saddles.
-        coarser: The same function in a coarser arithmetic. It shows how long the fast coordinate
-            takes to decay.
+        distance_factor: The factor by which start and end are closer to the saddles.
+        coarser_function: The same function in a coarser arithmetic. It shows how long the fast
+            coordinate takes to decay.
     """
 
     def __init__(
@@ -118,8 +118,8 @@ class SplittingFunction:
         speed: Fraction,
         engine: Engine,
         precision: Precision,
-        closer: float = 1.0,
-        coarser: SplittingFunction | None = None,
+        distance_factor: float = 1.0,
+        coarser_function: SplittingFunction | None = None,
     ) -> None:
         self.parameters, self.engine, self.precision = parameters, engine, precision
         digits = precision.bits * math.log10(2)
@@ -128,25 +128,29 @@ class SplittingFunction:
         self.order = 2 * round(digits / 9) + 1
         self.bits = precision.bits + 32
         self._saddle = saddle = Saddle(parameters, speed, self.bits, self.order)
-        share = closer * 10 ** (-(digits + 2) / (self.order + 2))
-        self.start = _rounded_to_three_digits(float(saddle.reach(saddle.unstable_curve)) * share)
+        share = distance_factor * 10 ** (-(digits + 2) / (self.order + 2))
+        self.start = _rounded_to_three_digits(
+            float(saddle.convergence_radius(saddle.unstable_curve)) * share
+        )
         self.end = _rounded_to_three_digits(
             float(
-                saddle.reach(saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction)
+                saddle.convergence_radius(
+                    saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction
+                )
             )
             * share
         )
         self.duration = self._flight_time(saddle)
-        if coarser is not None:
+        if coarser_function is not None:
             # The fast coordinate must fall until its square, which is neglected, is below the
             # resolution.
-            too_large = math.log(abs(float(coarser.latest.t)) + 1e-300) + (
+            too_large = math.log(abs(float(coarser_function.latest.f)) + 1e-300) + (
                 digits + 2
             ) / 2 * math.log(10)
             longer = Fraction(
                 max(0, math.ceil(-100 * too_large / float(saddle.eigenvalues[2]))), 100
             )
-            self.duration = max(self.duration, coarser.duration + longer)
+            self.duration = max(self.duration, coarser_function.duration + longer)
         self.latest: Splitting = Splitting(speed, 0, 0, 0, 0)  #: the last result, except by slopes
 
     def __call__(self, omega: Fraction) -> Splitting:
@@ -159,16 +163,16 @@ class SplittingFunction:
         if saddle.omega != omega:
             saddle = Saddle(self.parameters, omega, self.bits, self.order)
         ctx = saddle.context
-        end = self._flown(saddle, self.precision, self.duration)
+        end = self._flight(saddle, self.precision, self.duration)
         if end.status is not Status.REACHED:
             raise AccuracyError(f"the unstable manifold: {end.status.value}")
-        beta, gamma, v = (quotient(ctx, value) for value in map(fraction, end.state))
-        u, s, t = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
+        beta, gamma, v = (rational_in_context(ctx, value) for value in map(fraction, end.state))
+        u, s, f = saddle.stable_coordinates((beta, gamma - ctx.pi, v))
         unstable, slow, _ = saddle.eigenvalues
-        self.latest = Splitting(omega, u, s, t, abs(s) ** (-unstable / slow))
+        self.latest = Splitting(omega, u, s, f, abs(s) ** (-unstable / slow))
         return self.latest
 
-    def _flown(
+    def _flight(
         self, saddle: Saddle, precision: Precision, duration: object, times: Any = None
     ) -> Result:
         """Return the flight along the saddle's unstable manifold, from this object's starting
@@ -194,7 +198,7 @@ class SplittingFunction:
         )
 
     @property
-    def step(self) -> Fraction:
+    def speed_step(self) -> Fraction:
         """The step of the speed in a central difference of the splitting [rad/s]: ten to minus half
         of the digits.
 
@@ -203,20 +207,20 @@ class SplittingFunction:
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self, omega: Fraction) -> Fraction:
-        """Return the derivative of the splitting `Splitting.carried` with respect to Omega [s/rad],
-        by a central difference.
+        """Return the derivative of `Splitting.invariant` with respect to Omega [s/rad], by a central
+        difference.
 
         Args:
             omega: The speed [rad/s].
         """
         latest = self.latest
-        change = self(omega + self.step).carried - self(omega - self.step).carried
+        change = self(omega + self.speed_step).invariant - self(omega - self.speed_step).invariant
         self.latest = latest
-        return change / (2 * self.step)
+        return change / (2 * self.speed_step)
 
-    def slope_by(self, symbol: str, omega: Fraction) -> Fraction:
-        """Return the derivative of the splitting `Splitting.carried` with respect to a parameter of
-        the disk [SI].
+    def parameter_slope(self, symbol: str, omega: Fraction) -> Fraction:
+        """Return the derivative of `Splitting.invariant` with respect to a parameter of the disk
+        [SI].
 
         Start, end and flight time are kept, because u does not depend on them.
 
@@ -228,13 +232,13 @@ class SplittingFunction:
             AccuracyError: If a flight fails.
         """
         value: Fraction = getattr(self.parameters, symbol)
-        step = value * self.step / omega
+        step = value * self.speed_step / omega
         change = Fraction(0)
         for sign in (1, -1):
-            moved = copy(self)
-            moved.parameters = self.parameters.changed(**{symbol: value + sign * step})
-            moved._saddle = Saddle(moved.parameters, omega, self.bits, self.order)
-            change += sign * moved(omega).carried
+            varied = copy(self)
+            varied.parameters = self.parameters.changed(**{symbol: value + sign * step})
+            varied._saddle = Saddle(varied.parameters, omega, self.bits, self.order)
+            change += sign * varied(omega).invariant
         return change / (2 * step)
 
     def _flight_time(self, saddle: Saddle) -> Fraction:
@@ -245,7 +249,7 @@ class SplittingFunction:
         near the second saddle.
         """
         times, end = numpy.arange(0, _MAX_FLIGHT, 0.01), float(self.end)
-        samples = self._flown(saddle, DOUBLE, float(times[-1]), times).samples
+        samples = self._flight(saddle, DOUBLE, float(times[-1]), times).samples
         begin = float(times[first_arrival(samples, max(_END_DISTANCE, end))])
         further = math.log(max(_END_DISTANCE, end) / end) / -float(saddle.eigenvalues[1])
         return Fraction(round((begin + further) * 100), 100)
@@ -278,8 +282,8 @@ class SplittingZero:
 
     omega_h: Measured  #: [rad/s]
     budget: dict[str, float]  #: the parts of the half-width of omega_h, by name [rad/s]
-    splitting_at: SplittingFunction  #: in the arithmetic of omega_h
-    finer: SplittingFunction  #: in the wider arithmetic that measured its error
+    splitting_function: SplittingFunction  #: in the arithmetic of omega_h
+    wider_function: SplittingFunction  #: in the wider arithmetic that measured its error
 
     @cached_property
     def derivative(self) -> Measured:
@@ -289,12 +293,13 @@ class SplittingZero:
         It is a central difference. Its half-width comes from the change under another step and
         another distance from the saddles.
         """
-        finer, slope = (
-            function.slope(function.latest.omega) for function in (self.finer, self.splitting_at)
+        sharper, slope = (
+            function.slope(function.latest.omega)
+            for function in (self.wider_function, self.splitting_function)
         )
-        return Measured.compared(finer, slope, self.splitting_at.precision.epsilon)
+        return Measured.compared(sharper, slope, self.splitting_function.precision.epsilon)
 
-    def by_parameters(self) -> dict[str, Measured]:
+    def omega_h_derivatives(self) -> dict[str, Measured]:
         """Return the derivatives of Omega_h with respect to the disk's parameters [SI], by name.
 
         The splitting stays zero, so they are -(du/dp) / (du/dOmega). Their error is measured in the
@@ -303,14 +308,14 @@ class SplittingZero:
         Raises:
             AccuracyError: If a flight fails.
         """
-        finer, rough = (
-            {symbol: -function.slope_by(symbol, omega) / slope for symbol in SYMBOLS}
-            for function in (self.finer, self.splitting_at)
+        sharper, rough = (
+            {symbol: -function.parameter_slope(symbol, omega) / slope for symbol in SYMBOLS}
+            for function in (self.wider_function, self.splitting_function)
             for omega in (function.latest.omega,)
             for slope in (function.slope(omega),)
         )
-        epsilon = self.splitting_at.precision.epsilon
-        return {name: Measured.compared(finer[name], rough[name], epsilon) for name in SYMBOLS}
+        epsilon = self.splitting_function.precision.epsilon
+        return {name: Measured.compared(sharper[name], rough[name], epsilon) for name in SYMBOLS}
 
 
 @lru_cache(maxsize=_CACHED_ZEROS)
@@ -349,16 +354,16 @@ def _stages(wanted: int) -> list[Precision]:
 
     The last one has the ``wanted`` digits. Each has about twice the digits of the one before.
     """
-    if wanted <= EXTENDED.digits and companion(DOUBLE) == EXTENDED:
+    if wanted <= EXTENDED.digits and wider_precision(DOUBLE) == EXTENDED:
         return [EXTENDED]
     stages: list[Precision] = []
     while wanted > QUADRUPLE.digits:
-        stages.append(bits(bits_for_digits(wanted)))
+        stages.append(precision_of_bits(bits_for_digits(wanted)))
         wanted = wanted // 2 + _GUARD_DIGITS
     return [QUADRUPLE, *stages[::-1]]
 
 
-def unmeasured_zero(
+def omega_h_without_half_width(
     parameters: Parameters, guess: Fraction, engine: Engine, digits: int
 ) -> Measured:
     """Return Omega_h as `splitting_zero` finds it, without a half-width.
@@ -387,44 +392,51 @@ def _root(
         The splitting function of the last stage, its zero [rad/s], and its slope there.
     """
     omega = _rounded_speed(guess, stages[0])
-    splitting_at: SplittingFunction | None = None
+    splitting_function: SplittingFunction | None = None
     slope: _Slope | None = None
     for precision in stages:
-        splitting_at = SplittingFunction(parameters, omega, engine, precision, coarser=splitting_at)
-        omega, slope = _newton(splitting_at, omega, slope)
+        splitting_function = SplittingFunction(
+            parameters, omega, engine, precision, coarser_function=splitting_function
+        )
+        omega, slope = _newton(splitting_function, omega, slope)
         # The time of a flight grows with the square of the bits: coarser stages come before.
         report_share(_BY_STAGES * (precision.bits / stages[-1].bits) ** 2)
-    assert splitting_at
+    assert splitting_function
     assert slope
-    return splitting_at, omega, slope
+    return splitting_function, omega, slope
 
 
 def _zero(
     parameters: Parameters, guess: Fraction, engine: Engine, stages: Sequence[Precision]
 ) -> SplittingZero:
-    splitting_at, omega, slope = _root(parameters, guess, engine, stages)
-    steepness, precision = abs(slope.value), splitting_at.precision
-    finer = SplittingFunction(
-        parameters, omega, engine, companion(precision), closer=0.5, coarser=splitting_at
+    splitting_function, omega, slope = _root(parameters, guess, engine, stages)
+    steepness, precision = abs(slope.value), splitting_function.precision
+    wider_function = SplittingFunction(
+        parameters,
+        omega,
+        engine,
+        wider_precision(precision),
+        distance_factor=0.5,
+        coarser_function=splitting_function,
     )
-    check = finer(omega)
+    check = wider_function(omega)
     report_share(_BY_WIDER_RUN)
     budget = {
-        "series, flow and rounding, by a wider run": abs(check.carried)
+        "series, flow and rounding, by a wider run": abs(check.invariant)
         / steepness
         * HALF_WIDTH_FACTOR,
         # L(s) leaves out the square of the fast coordinate, with a curvature of order 1.
         "fast direction beyond first order": 10
-        * fraction(check.t) ** 2
-        * fraction(check.growth)
+        * fraction(check.f) ** 2
+        * fraction(check.invariant_factor)
         / steepness,
         "last rounding": omega * precision.epsilon,
     }
     return SplittingZero(
         omega_h=Measured(omega, sum(budget.values(), Fraction(0))),
         budget={name: float(width) for name, width in budget.items()},
-        splitting_at=splitting_at,
-        finer=finer,
+        splitting_function=splitting_function,
+        wider_function=wider_function,
     )
 
 
@@ -434,11 +446,11 @@ class _Slope(NamedTuple):
     """
 
     value: Fraction
-    error: Fraction
+    relative_error: Fraction
 
 
 def _newton(
-    splitting_at: SplittingFunction, omega: Fraction, slope: _Slope | None
+    splitting_function: SplittingFunction, omega: Fraction, slope: _Slope | None
 ) -> tuple[Fraction, _Slope]:
     """Find the zero [rad/s] of the splitting in one arithmetic, and return it with the slope next
     to it.
@@ -447,25 +459,28 @@ def _newton(
     second step on it uses the secant's slope if that is better. It ends when the next step would be
     below a thousand roundings. The wider run measures the remaining error.
     """
-    resolution = omega * splitting_at.precision.epsilon
+    resolution = omega * splitting_function.precision.epsilon
     previous: tuple[Fraction, Fraction] | None = None
     for _ in range(_MAX_STEPS):
-        value = splitting_at(omega).carried
+        value = splitting_function(omega).invariant
         if slope is None:
-            slope = _Slope(splitting_at.slope(omega), 1000 * splitting_at.step)
+            slope = _Slope(splitting_function.slope(omega), 1000 * splitting_function.speed_step)
         elif previous is not None and previous[0] != omega:
             step = omega - previous[0]
             error = _MAX_CURVATURE * abs(step) + 1000 * resolution / abs(step)
             secant = _Slope((value - previous[1]) / step, error)
-            slope = min(slope, secant, key=lambda candidate: candidate.error)
+            slope = min(slope, secant, key=lambda candidate: candidate.relative_error)
         if not slope.value:
             raise AccuracyError(
                 "the splitting does not depend on Omega: there is no isolated connection"
             )
         change = -value / slope.value
         previous = omega, value
-        omega = _rounded_speed(omega + change, splitting_at.precision)
-        if abs(change) * max(_MAX_CURVATURE * abs(change), slope.error) < 1000 * resolution:
+        omega = _rounded_speed(omega + change, splitting_function.precision)
+        if (
+            abs(change) * max(_MAX_CURVATURE * abs(change), slope.relative_error)
+            < 1000 * resolution
+        ):
             return omega, slope
     raise AccuracyError(
         "the iteration for Omega_h does not settle: check the approximation from which it starts"

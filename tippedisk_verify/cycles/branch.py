@@ -41,9 +41,9 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import (
     Printable,
     as_json,
+    column_heading,
     data_frame,
     half_width_in_double,
-    heading,
     quantity,
 )
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
@@ -332,7 +332,7 @@ class Branch(Printable):
         rows = (
             ["…"] * len(columns) if n is None else [f"{x[n]:.10g}" for x in columns] for n in chosen
         )
-        return [[*map(heading, _SHOWN_COLUMNS)], *rows]
+        return [[*map(column_heading, _SHOWN_COLUMNS)], *rows]
 
     def __repr__(self) -> str:
         cycles, missing = cycles_found(self.cycles), len(self.missing)

@@ -24,7 +24,7 @@ from tippedisk_verify.model.arrays import round_to_doubles, to_double_array
 from tippedisk_verify.model.exact import integer_between, short_text
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.model.result_format import saved_numbers, write_saved
 from tippedisk_verify.model.results import Printable, quantities, quantity
 from tippedisk_verify.progress import show_share
@@ -229,7 +229,7 @@ class Cycle(Printable):
             [number.value for number in self._start],
             duration,
             shifted=True,
-            precision=DOUBLE if needed < _LOST_START_BITS else bits(53 + 2 * needed),
+            precision=DOUBLE if needed < _LOST_START_BITS else precision_of_bits(53 + 2 * needed),
             dense=True,
             domain="none",
         )

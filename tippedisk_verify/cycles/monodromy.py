@@ -18,8 +18,8 @@ from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, ra
 from tippedisk_verify.model.arrays import numpy_safe, round_to_doubles
 from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
-from tippedisk_verify.model.precision import DOUBLE, bits
-from tippedisk_verify.model.results import Printable, as_json, with_widths
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
+from tippedisk_verify.model.results import Printable, as_json, numbers_as_json
 from tippedisk_verify.progress import report_share
 
 __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]
@@ -72,7 +72,7 @@ class Monodromy(Printable):
         """
         return {
             "time": as_json(self.time),
-            "matrix": with_widths(self.matrix, self.uncertainty),
+            "matrix": numbers_as_json(self.matrix, self.uncertainty),
             "log_multipliers": as_json(self.log_multipliers),
         }
 
@@ -240,7 +240,7 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
     finest = max(
         move.denominator.bit_length() - move.numerator.bit_length() for move in moves if move
     )
-    precision = DOUBLE if finest < _DOUBLE_BITS else bits(finest + _MORE_BITS)
+    precision = DOUBLE if finest < _DOUBLE_BITS else precision_of_bits(finest + _MORE_BITS)
 
     def flight(state: Any, duration: object, omega: Fraction, **needs: Any) -> Result:
         request = Request(

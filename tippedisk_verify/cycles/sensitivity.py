@@ -39,7 +39,7 @@ from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.model.results import Printable, result_lines
 from tippedisk_verify.theory.hopf import omega_crit_slopes
 
@@ -107,12 +107,12 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
         )
     # Differences of fourth order keep four fifths of the bits.
     needed = 5 / 4 * digits * math.log2(10) - 2 * math.log2(scale)
-    precision = companion(DOUBLE)
+    precision = wider_precision(DOUBLE)
     while precision.bits < needed:
-        precision = companion(precision)
-    wider = companion(precision)
+        precision = wider_precision(precision)
+    wider = wider_precision(precision)
     while wider.bits < 5 / 4 * precision.bits:  # so that its error is the smaller one
-        wider = companion(wider)
+        wider = wider_precision(wider)
     rough = _derivatives(cycle, section, scale, precision, _FOUR_FLIGHTS)
     sharp = _derivatives(cycle, section, scale, wider, _TWO_FLIGHTS)
     return Sensitivity(
@@ -225,5 +225,7 @@ def sensitivity_of_bifurcations(
     with suppress(NoConnectionError):
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
         # Differences keep half of the digits.
-        rows["omega_h"] = splitting_zero(parameters, guess, engine, 2 * digits).by_parameters()
+        rows["omega_h"] = splitting_zero(
+            parameters, guess, engine, 2 * digits
+        ).omega_h_derivatives()
     return Sensitivity(rows, parameters)

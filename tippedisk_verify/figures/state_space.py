@@ -227,7 +227,7 @@ def _surfaces(panel: ComputedScene, reach: float, low: float, high: float) -> tu
     beta, gamma = numpy.meshgrid(
         numpy.linspace(math.pi / 2 - reach, math.pi / 2 + reach, 33), numpy.linspace(low, high, 65)
     )
-    constants, omega = panel.parameters.at(DOUBLE), float(panel.omega)
+    constants, omega = panel.parameters.constants_in(DOUBLE), float(panel.omega)
     return (
         beta,
         gamma,

@@ -18,18 +18,18 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.flow.start import MAX_WINDOW, START_WINDOW, Start
+from tippedisk_verify.flow.start import MAX_TIME_ON_SURFACE, MIN_TIME_ON_SURFACE, Start
 from tippedisk_verify.flow.switching import FrictionSigns
 from tippedisk_verify.flow.system import (
-    SWITCH,
-    TURN_OVER,
+    FRICTION_SWITCH,
+    SIN_BETA_REVERSAL,
     build_system,
     constants_of,
     direction_of,
     parameter_names,
 )
 from tippedisk_verify.model.arrays import Array, to_double_array
-from tippedisk_verify.model.equations import shifted as _shifted
+from tippedisk_verify.model.equations import shifted_ops as _shifted
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
@@ -37,7 +37,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
 
-__all__ = ["BatchResult", "BatchTaylor", "field_constants"]
+__all__ = ["BatchResult", "BatchTaylor", "equation_constants"]
 
 
 _Crossing = tuple[str, int, float, tuple[float, float, float]]
@@ -58,7 +58,7 @@ class BatchResult(Printable):
     finished: Any = None  #: (n,) True where the final time was reached
 
 
-def field_constants(parameters: Parameters) -> Array:
+def equation_constants(parameters: Parameters) -> Array:
     """Return a disk's constants in the equations of motion as an array of doubles.
 
     They are (r, e, a, b, g, k), or traction and epsilon instead of k under the smooth law.
@@ -66,7 +66,7 @@ def field_constants(parameters: Parameters) -> Array:
     Args:
         parameters: The disk and its friction law.
     """
-    constants = parameters.at(DOUBLE)
+    constants = parameters.constants_in(DOUBLE)
     return numpy.array([getattr(constants, name) for name in parameter_names(parameters.law)[1:]])
 
 
@@ -109,7 +109,7 @@ class BatchTaylor:
         """Integrate n motions at once.
 
         Args:
-            constants: (k,) or (n, k), as `field_constants` gives them: six under the linear law.
+            constants: (k,) or (n, k), as `equation_constants` gives them: six under the linear law.
             omegas: (n,) speeds [rad/s].
             states: (n, 3) starts: beta, gamma [rad], v [rad/s].
             durations: (n,) [s].
@@ -157,7 +157,7 @@ class BatchTaylor:
             """Return True if a recorded crossing is not a true one: the run starts, or rests, on
             the event's surface.
             """
-            if abs(when) > MAX_WINDOW and state != tuple(states[run]):
+            if abs(when) > MAX_TIME_ON_SURFACE and state != tuple(states[run]):
                 return False
             own_pars = [omegas[run].item(), *constants[run].tolist()]
             start = Start(
@@ -170,7 +170,10 @@ class BatchTaylor:
             )
             if not start.lies_on(by_name[name], 2.0**-52):
                 return False
-            return not any(start.rates(start.state)) or abs(when) <= start.window(by_name[name])[0]
+            return (
+                not any(start.rates(start.state))
+                or abs(when) <= start.time_on_surface(by_name[name])[0]
+            )
 
         kept = tuple(crossing for crossing in result.crossings if not is_start(*crossing))
         return replace(result, crossings=kept)
@@ -195,7 +198,7 @@ class _CompiledBatch:
             own.name: [
                 event for event in events if law.two_sided and event.function is own.function
             ]
-            for own in (SWITCH, TURN_OVER)
+            for own in (FRICTION_SWITCH, SIN_BETA_REVERSAL)
         }
         self._events = [
             event for event in events if all(event not in own for own in coinciding.values())
@@ -203,7 +206,9 @@ class _CompiledBatch:
         self._ops, self._law = _shifted(numpy) if shift else numpy, law
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
-        watched = (*self._events, SWITCH, TURN_OVER) if law.two_sided else self._events
+        watched = (
+            (*self._events, FRICTION_SWITCH, SIN_BETA_REVERSAL) if law.two_sided else self._events
+        )
         system, functions = build_system(variations, divergence, watched, shift, law)
         options: dict[str, Any] = {}
         if self._events:
@@ -218,14 +223,14 @@ class _CompiledBatch:
         self._signs = FrictionSigns() if law.two_sided else None
         if self._signs is not None:
             changes = {
-                SWITCH.name: self._signs.set_at_reversal,
-                TURN_OVER.name: self._signs.flip_with_sin_beta,
+                FRICTION_SWITCH.name: self._signs.set_at_reversal,
+                SIN_BETA_REVERSAL.name: self._signs.flip_with_sin_beta,
             }
             options["t_events"] = [
                 hy.t_event_batch(
                     functions[name],
                     callback=self._changer(change, coinciding[name]),
-                    cooldown=START_WINDOW,
+                    cooldown=MIN_TIME_ON_SURFACE,
                 )
                 for name, change in changes.items()
             ]
@@ -304,11 +309,11 @@ class _CompiledBatch:
         if stepper.with_events:
             stepper.reset_cooldowns()
         self._crossings.clear()
-        if any((start.value(event) == 0).any() for event in self._events):
+        if any((start.event_value(event) == 0).any() for event in self._events):
             # If an event function is zero to the last bit, heyoka misses its next crossing in the
             # first step.
             stepper.propagate_until(
-                numpy.copysign(numpy.minimum(START_WINDOW, abs(durations) / 2), durations)
+                numpy.copysign(numpy.minimum(MIN_TIME_ON_SURFACE, abs(durations) / 2), durations)
             )
         stepper.propagate_until(durations, max_steps=max_steps)
         return numpy.array([outcome == self._reached for outcome, *_ in stepper.propagate_res])

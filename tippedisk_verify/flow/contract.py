@@ -21,11 +21,11 @@ from typing import Any, Literal, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import refuse_qualified, short_text
+from tippedisk_verify.model.exact import refuse_units_and_masks, short_text
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.model.results import Printable, with_widths
+from tippedisk_verify.model.results import Printable, numbers_as_json
 
 __all__ = [
     "BETA_EXTREME",
@@ -240,8 +240,8 @@ class Request:
     #: from the result.
     digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
-    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.nudge`).
-    rounding: int | None = None
+    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.perturb_last_bits`).
+    perturbation_pattern: int | None = None
     max_steps: int = MAX_STEPS
 
     def __post_init__(self) -> None:
@@ -276,21 +276,23 @@ class Request:
         """
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
-    def starting_at(self, state: Sequence[object], rounding: int | None = None) -> Request:
+    def starting_at(
+        self, state: Sequence[object], perturbation_pattern: int | None = None
+    ) -> Request:
         """Return a copy of the request that starts from another state.
 
         Only the state is checked again, so this takes a fraction of the time of `replace`.
 
         Args:
             state: The start (beta [rad], gamma [rad], v [rad/s]).
-            rounding: The pattern of a twin (`system.nudge`), or None.
+            perturbation_pattern: The pattern of a twin (`system.perturb_last_bits`), or None.
 
         Raises:
             InputError: If the state does not have three components.
         """
         _check_state(state)
         other = object.__new__(Request)
-        other.__dict__.update(self.__dict__, state=state, rounding=rounding)
+        other.__dict__.update(self.__dict__, state=state, perturbation_pattern=perturbation_pattern)
         return other
 
 
@@ -309,10 +311,10 @@ class EventRecord(Printable):
 
     def to_dict(self) -> dict[str, Any]:
         """Return the recorded crossing as data for JSON."""
-        state = zip(STATE_NAMES, with_widths(self.state, self.uncertainty), strict=True)
+        state = zip(STATE_NAMES, numbers_as_json(self.state, self.uncertainty), strict=True)
         return {
             "name": self.name,
-            "t": with_widths(self.time, self.time_uncertainty),
+            "t": numbers_as_json(self.time, self.time_uncertainty),
             **dict(state),
         }
 
@@ -427,7 +429,7 @@ def raise_unless_usable(result: Result) -> Result:
 
 
 def _check_state(state: Sequence[object]) -> None:
-    refuse_qualified(state)
+    refuse_units_and_masks(state)
     try:
         count = len(state)
     except TypeError:  # a single number
@@ -442,7 +444,7 @@ def _check_times(times: Any, precision: Precision, duration: float) -> None:
         raise InputError("the list of sample times is empty: leave it out instead")
     try:
         # Above double, times that are equal as doubles may still differ.
-        values = precision.sequence(times)
+        values = precision.as_array(times)
     except (TypeError, ValueError) as fault:
         raise InputError(f"sample times must be numbers: {fault}") from None
     if values.ndim != 1:

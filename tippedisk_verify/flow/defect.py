@@ -31,7 +31,7 @@ from numpy.polynomial import legendre
 
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.stepper import Series
-from tippedisk_verify.model.equations import field, jacobian, shifted
+from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
@@ -62,9 +62,9 @@ class Defect:
     """
 
     def __init__(self, request: Request, series: Series, wide: Precision, nodes: int) -> None:
-        self._series, self._coefficients, self._wide = series, series.coefficients, wide
+        self._series, self._coefficients, self._wide_precision = series, series.coefficients, wide
         self._places, self._weights, self._basis = _gauss(nodes)
-        ends = series.times.astype(wide.type)
+        ends = series.times.astype(wide.number_type)
         lengths = (ends[1:] - ends[:-1])[:, None]
         self._steps = lengths.astype(float)
         self._terms = abs(
@@ -74,45 +74,52 @@ class Defect:
         self._sizes = self._terms[0] + self._terms[1]
         small = (self._terms < _SMALL_TERM * self._sizes).all(axis=(1, 2))
         # The number of terms of the polynomials that are summed in wide arithmetic.
-        self._leading = (
+        self._wide_terms = (
             len(small) - int(numpy.argmin(small[::-1])) if wide.kind == "extended" else len(small)
         )
-        ops, law = shifted(numpy) if request.shifted else numpy, request.law
-        self._field = field(ops, request.parameters.at(wide), wide.number(request.omega), law)
-        places = lengths * self._places.astype(wide.type)
+        ops, law = shifted_ops(numpy) if request.shifted else numpy, request.law
+        self._vector_field = vector_field(
+            ops, request.parameters.constants_in(wide), wide.number(request.omega), law
+        )
+        places = lengths * self._places.astype(wide.number_type)
         self._nodes, self._slopes = (self._polynomial(places, derivative=k) for k in (0, 1))
-        setting = ops, request.parameters.at(DOUBLE), DOUBLE.number(request.omega), law
+        setting = ops, request.parameters.constants_in(DOUBLE), DOUBLE.number(request.omega), law
         in_doubles = self._nodes.astype(float)
         rows = [numpy.stack(row, axis=-1) for row in jacobian(*setting)(*in_doubles)]
         matrices = numpy.stack(rows, axis=-2)
         self._system = _system(self._steps[:, 0], _integrals(self._places, self._basis), matrices)
 
         fastest, growing = self._rates_times_steps(matrices)
-        self.fastest, self.growing = float(fastest.max()), float(growing.max())
+        self.max_rate_times_step, self.max_growth_times_step = (
+            float(fastest.max()),
+            float(growing.max()),
+        )
         #: The largest last term of a polynomial, in parts of the state.
         self.last_term = float((self._terms[-1] / (self._sizes + numpy.finfo(float).tiny)).max())
         rates = self.rates(self._nodes)
         defect = numpy.moveaxis((rates - self._slopes).astype(float), 0, 2)
         # The rounding of the field in doubles, which exceeds its last place where terms cancel.
-        rounded = abs(numpy.stack(field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
+        rounded = (
+            abs(numpy.stack(vector_field(*setting)(*in_doubles)) - rates).astype(float) * 2.0**53
+        )
         moves = numpy.maximum(abs(rates).astype(float), rounded).max(axis=2) * abs(self._steps.T)
         solved = self._solve_collocation(numpy.concatenate((matrices, defect[..., None]), axis=3))
         self._homogeneous = solved[..., :3]
-        self._carry = numpy.eye(3) + self._error_gains(self._homogeneous)
-        starts = series.coefficients[0].astype(wide.type)
+        self._propagators = numpy.eye(3) + self._error_gains(self._homogeneous)
+        starts = series.coefficients[0].astype(wide.number_type)
         gained = self._error_gains(solved[..., 3:])
         gained[:-1, :, 0] += (self._polynomial(lengths)[:, :-1, 0] - starts[:, 1:]).T.astype(float)
         start = (wide.array(request.state) - starts[:, 0]).astype(float)
         noise = _roundings(numpy.maximum(self._terms[0], abs(in_doubles).max(axis=2)), moves)
         carried = _propagated_errors(
-            self._carry,
+            self._propagators,
             numpy.column_stack((start, noise[0])),
             numpy.concatenate((gained, noise), axis=2),
         )
         self.errors = carried[:, :, 0]  #: (n + 1, 3) at the start of each step, and at the end
         self.roundings = numpy.sqrt(numpy.square(carried[:, :, 1:]).mean(axis=2))  #: (n + 1, 3)
         self._rates = self._rates_of(carried[:, :, 0], solved[..., 3])
-        self._left_out = numpy.zeros(self.errors.shape)
+        self._collocation_errors = numpy.zeros(self.errors.shape)
 
     def _rates_times_steps(self, matrices: Any) -> tuple[Any, Any]:
         """Return two numbers (n,) for each step of length h: an estimate of h |x| for the largest
@@ -151,14 +158,14 @@ class Defect:
         slopes = self._slopes + numpy.moveaxis(self._rates, 2, 0)
         rest = (self.rates(self._nodes + numpy.moveaxis(errors, 2, 0)) - slopes).astype(float)
         solved = self._solve_collocation(numpy.moveaxis(rest, 0, 2)[..., None])
-        carried = _propagated_errors(self._carry, numpy.zeros((3, 1)), self._error_gains(solved))[
-            :, :, 0
-        ]
+        carried = _propagated_errors(
+            self._propagators, numpy.zeros((3, 1)), self._error_gains(solved)
+        )[:, :, 0]
         self.errors = self.errors + carried
         self._rates = self._rates + self._rates_of(carried, solved[..., 0])
         return float((numpy.abs(carried[1:]) / self.roundings[1:]).max())
 
-    def compare(self, other: Defect) -> None:
+    def measure_collocation_error(self, other: Defect) -> None:
         """Estimate how wrong the estimated errors are, by comparison with those computed with fewer
         collocation nodes.
 
@@ -173,7 +180,9 @@ class Defect:
         padded = numpy.pad(
             distances, ((_NEIGHBOUR_STEPS, _NEIGHBOUR_STEPS + 1), (0, 0)), mode="edge"
         )
-        self._left_out = sliding_window_view(padded, 2 * _NEIGHBOUR_STEPS + 1, axis=0).max(axis=2)
+        self._collocation_errors = sliding_window_view(
+            padded, 2 * _NEIGHBOUR_STEPS + 1, axis=0
+        ).max(axis=2)
 
     def _evaluate(self, shares: Any) -> Any:
         """Return the estimated errors (n, k, 3) of the run at given shares of every step."""
@@ -181,9 +190,9 @@ class Defect:
             _integrals(shares, self._basis) @ self._rates
         )
 
-    def at(self, times: Any) -> tuple[Any, Any, Any, Any]:
-        """Return the run's states, their estimated errors and the doubt about the errors, at given
-        times.
+    def evaluate_at(self, times: Any) -> tuple[Any, Any, Any, Any]:
+        """Return the run's states, their estimated errors and the uncertainty of these errors, at
+        given times.
 
         Args:
             times: (k,) times [s] in the wide arithmetic, monotonic along the run.
@@ -195,16 +204,20 @@ class Defect:
         counts = numpy.bincount(
             self._series.step_of(times.astype(float)), minlength=len(self._steps)
         )
-        since = times - numpy.repeat(self._series.times[:-1], counts).astype(self._wide.type)
+        since = times - numpy.repeat(self._series.times[:-1], counts).astype(
+            self._wide_precision.number_type
+        )
         lengths = numpy.repeat(self._steps[:, 0], counts)
         errors = numpy.repeat(self.errors[:-1].T, counts, axis=1)
         integrals = _integrals(since.astype(float) / lengths, self._basis).T * lengths
         for integral, rates in zip(integrals, self._rates.transpose(1, 2, 0), strict=True):
             errors += integral * numpy.repeat(rates, counts, axis=1)
-        roundings, left_out = (numpy.repeat(of, counts, axis=1) for of in self._margins())
+        roundings, left_out = (
+            numpy.repeat(of, counts, axis=1) for of in self._error_uncertainties()
+        )
         return self._polynomial(since, counts), errors, roundings, left_out
 
-    def at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
+    def evaluate_at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
         """Return the run's states and their estimated errors at the collocation nodes of all steps,
         in order.
 
@@ -214,18 +227,20 @@ class Defect:
         """
         times = self._series.times[:-1, None] + self._steps * self._places
         roundings, left_out = (
-            numpy.repeat(of, len(self._places), axis=1) for of in self._margins()
+            numpy.repeat(of, len(self._places), axis=1) for of in self._error_uncertainties()
         )
         errors = self._evaluate(self._places).reshape(-1, 3).T
         return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
 
-    def _margins(self) -> list[Any]:
-        """Return the two parts of the doubt about the errors in each step, both (3, n).
+    def _error_uncertainties(self) -> list[Any]:
+        """Return the two parts of the uncertainty of the errors in each step, both (3, n).
 
         They are the carried roundings and the collocation error. The larger of the two ends of each
         step counts.
         """
-        return [numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._left_out)]
+        return [
+            numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._collocation_errors)
+        ]
 
     def rates(self, states: Any) -> Any:
         """Return the rates of motion (3, k) at states (3, k), in the wide arithmetic.
@@ -233,7 +248,7 @@ class Defect:
         Args:
             states: (3, k) states in wide arithmetic.
         """
-        return numpy.stack(self._field(*states))
+        return numpy.stack(self._vector_field(*states))
 
     def _polynomial(self, since: Any, counts: Any = None, derivative: int = 0) -> Any:
         """Return the values of the steps' polynomials, or of their derivatives, in the wide
@@ -248,7 +263,7 @@ class Defect:
             An array (3, n, k) or (3, k).
         """
         terms = self._coefficients
-        first = terms[: self._leading + derivative].astype(self._wide.type)
+        first = terms[: self._wide_terms + derivative].astype(self._wide_precision.number_type)
         if derivative:  # in doubles the products of the first terms would be rounded
             powers = numpy.arange(1, len(terms))[:, None, None]
             terms, first = terms[1:] * powers, first[1:] * powers[: len(first) - 1]
@@ -260,7 +275,7 @@ class Defect:
         for term in terms[: len(first) - 1 : -1]:
             total *= in_doubles
             total += spread(term)
-        total = total.astype(self._wide.type)
+        total = total.astype(self._wide_precision.number_type)
         for term in first[::-1]:
             total *= since
             total += spread(term)

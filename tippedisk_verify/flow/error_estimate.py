@@ -22,10 +22,10 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.defect import Defect
-from tippedisk_verify.flow.start import ROUNDINGS
-from tippedisk_verify.model.equations import shifted
+from tippedisk_verify.flow.start import SURFACE_ROUNDINGS
+from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, wider_precision
 
 __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "half_widths_from_defect"]
 
@@ -39,11 +39,11 @@ class _DefectMethod(NamedTuple):
     """
 
     digits: int
-    wide: Precision
+    wide_precision: Precision
     nodes: int
     #: The nodes of a second evaluation, which measures the error of the first. 0 means that
     #: `_Limits.three_node_error` bounds it.
-    fewer: int
+    fewer_nodes: int
 
 
 _METHODS = (
@@ -57,7 +57,7 @@ _METHODS = (
 CORRECTED_DIGITS = _METHODS[-1].digits
 #: The number of digits up to which extended numbers carry the estimate. A machine without them uses
 #: doubles in their place.
-EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide is EXTENDED)
+EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide_precision is EXTENDED)
 
 
 class _Limits(NamedTuple):
@@ -119,13 +119,13 @@ class _Limits(NamedTuple):
 _LIMITS = _Limits()
 
 
-class Unresolved(ArithmeticError):
+class UnresolvedSteps(ArithmeticError):
     """The error of a run whose steps are too long for the collocation nodes, or too many for the
     memory.
     """
 
 
-class NotInProportion(ArithmeticError):
+class FirstOrderFails(ArithmeticError):
     """The error of a run for which a first-order estimate fails: its error is too large, or an
     event is too close to a mere touch.
     """
@@ -146,23 +146,23 @@ def half_widths_from_defect(request: Request, result: Result) -> Result | None:
     if not request.estimated_by_defect or not result.status.usable or not result.steps:
         return None
     for method in _METHODS:
-        if request.digits <= method.digits and _has_arrays_of(method.wide):
+        if request.digits <= method.digits and _has_arrays_of(method.wide_precision):
             try:
                 refined = _refine(request, result, method)
-            except Unresolved:
+            except UnresolvedSteps:
                 continue
-            except NotInProportion:
+            except FirstOrderFails:
                 return None
             if request.digits <= PLAIN_DIGITS:
                 return refined
             if _reaches_digits(request.digits, refined):
-                return refined._replace(precision=method.wide)
+                return refined._replace(precision=method.wide_precision)
     return None
 
 
 def _has_arrays_of(wide: Precision) -> bool:
     """Return True if this machine can compute with arrays of numbers of the precision ``wide``."""
-    return wide in (companion(DOUBLE), companion(companion(DOUBLE)))
+    return wide in (wider_precision(DOUBLE), wider_precision(wider_precision(DOUBLE)))
 
 
 def _reaches_digits(digits: int, result: Result) -> bool:
@@ -185,18 +185,20 @@ def _reaches_digits(digits: int, result: Result) -> bool:
 
 def _refine(request: Request, result: Result, method: _DefectMethod) -> Result:
     run = _RunWithError(request, result, method)
-    times = numpy.empty(0) if request.times is None else method.wide.sequence(request.times)
+    times = (
+        numpy.empty(0) if request.times is None else method.wide_precision.as_array(request.times)
+    )
     reached = times[abs(times.astype(float)) <= abs(result.time)]
     crossings = [run.crossing(record) for record in result.events]
     ended = result.status is not Status.REACHED
-    last = crossings[-1].time if ended else run.wide.array([request.duration])
-    run.check_missed(last, result)
+    last = crossings[-1].time if ended else run.wide_precision.array([request.duration])
+    run.check_missed_events(last, result)
     order = abs(numpy.concatenate([crossing.time for crossing in crossings] + [last]))
     if (order[1:] < order[:-1]).any():
-        raise NotInProportion
+        raise FirstOrderFails
     values, widths = run.numbers(numpy.concatenate((reached, last)), result.state)
     if ended:  # the state moves on with the time of the event
-        widths[:, -1] += crossings[-1].moves
+        widths[:, -1] += crossings[-1].state_motion
     return result._replace(
         time=result.time if run.uncorrected else last[0],
         state=values[:, -1],
@@ -206,10 +208,10 @@ def _refine(request: Request, result: Result, method: _DefectMethod) -> Result:
         else tuple(crossing.record for crossing in crossings),
         error=ErrorEstimate(
             state=widths[:, -1],
-            time=crossings[-1].width if ended else 0.0,
+            time=crossings[-1].time_half_width if ended else 0.0,
             samples=None if request.times is None else widths[:, :-1].T,
-            events=tuple(crossing.width for crossing in crossings),
-            event_states=tuple(crossing.widths for crossing in crossings),
+            events=tuple(crossing.time_half_width for crossing in crossings),
+            event_states=tuple(crossing.state_half_widths for crossing in crossings),
         ),
     )
 
@@ -219,50 +221,58 @@ class _CrossingWithError(NamedTuple):
 
     record: EventRecord  #: in wide arithmetic
     time: Any  #: (1,) in wide arithmetic [s]
-    width: float  #: [s] of the run's time, or beyond twelve digits of this time
-    widths: Any  #: (3,) of the state, likewise
-    moves: Any  #: (3,) the motion of the state within the half-width of the time
+    time_half_width: float  #: [s] of the run's time, or beyond twelve digits of this time
+    state_half_widths: Any  #: (3,) of the state, likewise
+    state_motion: Any  #: (3,) the motion of the state within the half-width of the time
 
 
 class _RunWithError:
     """A run in doubles with its estimated error, from the defect of its polynomials."""
 
     def __init__(self, request: Request, result: Result, method: _DefectMethod) -> None:
-        self.wide, self.uncorrected = method.wide, request.digits <= PLAIN_DIGITS
+        self.wide_precision, self.uncorrected = (
+            method.wide_precision,
+            request.digits <= PLAIN_DIGITS,
+        )
         self._request = request
-        self._ops = shifted(numpy) if request.shifted else numpy
+        self._ops = shifted_ops(numpy) if request.shifted else numpy
         self._constants, self._omega = (
-            request.parameters.at(self.wide),
-            self.wide.number(request.omega),
+            request.parameters.constants_in(self.wide_precision),
+            self.wide_precision.number(request.omega),
         )
         if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.max_matrix_bytes:
-            raise Unresolved
-        self._defect = Defect(request, result.series, self.wide, method.nodes)
-        if not self._steps_are_short(method.fewer):
-            raise Unresolved
+            raise UnresolvedSteps
+        self._defect = Defect(request, result.series, self.wide_precision, method.nodes)
+        if not self._steps_are_short(method.fewer_nodes):
+            raise UnresolvedSteps
         # The uncertainty of the errors, in carried roundings.
-        self._share = (
-            _LIMITS.evaluation_error * 2.0 ** (DOUBLE.bits - self.wide.bits)
+        self._uncertainty_in_roundings = (
+            _LIMITS.evaluation_error * 2.0 ** (DOUBLE.bits - self.wide_precision.bits)
             + self._correct_to_second_order()
         )
-        if method.fewer:
-            self._defect.compare(Defect(request, result.series, self.wide, method.fewer))
+        if method.fewer_nodes:
+            self._defect.measure_collocation_error(
+                Defect(request, result.series, self.wide_precision, method.fewer_nodes)
+            )
         else:
-            self._share += _LIMITS.three_node_error
+            self._uncertainty_in_roundings += _LIMITS.three_node_error
 
-    def _steps_are_short(self, fewer: int) -> bool:
+    def _steps_are_short(self, fewer_nodes: int) -> bool:
         """Return True if the run's steps are short enough for the method that estimates its error.
 
         Args:
-            fewer: The number of collocation nodes of a second evaluation, which measures the error
-                of the first. 0 if only one evaluation is made; then stricter limits hold.
+            fewer_nodes: The number of collocation nodes of a second evaluation, which measures the
+                error of the first. 0 if only one evaluation is made; then stricter limits hold.
         """
         defect = self._defect
-        if fewer:
-            return defect.fastest < _LIMITS.max_decay and defect.growing < fewer
+        if fewer_nodes:
+            return (
+                defect.max_rate_times_step < _LIMITS.max_decay
+                and defect.max_growth_times_step < fewer_nodes
+            )
         return (
-            defect.fastest < _LIMITS.three_node_max_decay
-            and defect.growing < _LIMITS.three_node_max_growth
+            defect.max_rate_times_step < _LIMITS.three_node_max_decay
+            and defect.max_growth_times_step < _LIMITS.three_node_max_growth
             and defect.last_term < _LIMITS.three_node_max_last_term
         )
 
@@ -274,12 +284,12 @@ class _RunWithError:
             A bound of the error that is left, in carried roundings.
 
         Raises:
-            NotInProportion: If the errors are too large for the sweeps.
+            FirstOrderFails: If the errors are too large for the sweeps.
         """
         largest = float(abs(self._defect.errors).max())
         if not largest < _LIMITS.max_error_for_sweeps:
-            raise NotInProportion
-        if self.wide is EXTENDED and largest < _LIMITS.max_first_order_error:
+            raise FirstOrderFails
+        if self.wide_precision is EXTENDED and largest < _LIMITS.max_first_order_error:
             return 0.0
         for _ in range(_LIMITS.max_sweeps):
             # Each sweep leaves the same share of its correction as the first correction was of the
@@ -292,7 +302,7 @@ class _RunWithError:
                     _LIMITS.double_rounding,
                     _LIMITS.double_rounding * largest,
                 )
-        raise NotInProportion
+        raise FirstOrderFails
 
     def numbers(self, times: Any, at_end: Any) -> tuple[Any, Any]:
         """Return the run's states at given times and their half-widths, both (3, k).
@@ -307,7 +317,7 @@ class _RunWithError:
         states, errors, uncertainty = self._evaluate(times)
         # A time is rounded to the wide arithmetic.
         uncertainty = uncertainty + abs(self._defect.rates(states) * times).astype(float) * float(
-            self.wide.epsilon
+            self.wide_precision.epsilon
         )
         values = states.astype(float) if self.uncorrected else states + errors
         if self.uncorrected:
@@ -317,11 +327,11 @@ class _RunWithError:
         )
 
     def _half_widths(self, values: Any, errors: Any, uncertainty: Any) -> Any:
-        """Return half-widths of the run's values, from their estimated error and the doubt about
-        it.
+        """Return half-widths of the run's values, from their estimated errors and the uncertainty
+        of these.
 
         Up to twelve digits both count. Beyond, the error has been added to the values, so only the
-        doubt and the last rounding count.
+        uncertainty and the last rounding count.
 
         Args:
             values: The values.
@@ -330,99 +340,103 @@ class _RunWithError:
         """
         if self.uncorrected:
             return _LIMITS.half_width_margin * abs(errors) + uncertainty
-        return uncertainty + abs(values).astype(float) * float(self.wide.epsilon)
+        return uncertainty + abs(values).astype(float) * float(self.wide_precision.epsilon)
 
     def _evaluate(self, times: Any) -> tuple[Any, Any, Any]:
         """Return the states of the run's polynomials, their errors and the errors' uncertainty,
         each (3, k), at times (k,) in the wide arithmetic.
         """
-        states, errors, roundings, nodes = self._defect.at(times)
+        states, errors, roundings, nodes = self._defect.evaluate_at(times)
         return states, errors, self._error_uncertainty(roundings, nodes)
 
     def _error_uncertainty(self, roundings: Any, nodes: Any) -> Any:
-        return self._share * roundings + HALF_WIDTH_FACTOR * nodes
+        return self._uncertainty_in_roundings * roundings + HALF_WIDTH_FACTOR * nodes
 
     def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion crosses an event's surface, with half-widths, from the
         crossing that the run has recorded.
 
         Raises:
-            NotInProportion: If the crossing is nearly a mere touch.
+            FirstOrderFails: If the crossing is nearly a mere touch.
         """
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
-        first = time = self.wide.array([record.time])
+        first = time = self.wide_precision.array([record.time])
         for _ in range(_LIMITS.crossing_newton_steps):
             places, errors, uncertainty = self._evaluate(time)
             states = places + errors
-            gradient, speed = self._rates(event, states)
-            change = self._value(event, states) / self.wide.number(speed)
+            gradient, speed = self._gradient_and_rate(event, states)
+            change = self._event_value(event, states) / self.wide_precision.number(speed)
             unknown = float(abs(gradient) @ uncertainty[:, 0]) / abs(speed) + abs(
                 record.time
-            ) * float(self.wide.epsilon)
+            ) * float(self.wide_precision.epsilon)
             time = time - change
             if abs(float(change)) <= _LIMITS.negligible_share * unknown:
                 break
         else:
-            raise NotInProportion
+            raise FirstOrderFails
         moved = abs(float((time - first)[0]))
         rates = self._defect.rates(states)
-        ahead = self._rates(event, states + rates * self.wide.array([_LIMITS.rate_interval]))[1]
+        ahead = self._gradient_and_rate(
+            event, states + rates * self.wide_precision.array([_LIMITS.rate_interval])
+        )[1]
         if not (moved + unknown) * abs(
             ahead - speed
         ) / _LIMITS.rate_interval < _LIMITS.negligible_share * abs(speed):
-            raise NotInProportion
+            raise FirstOrderFails
         around = [
-            self._value(event, states + rates * self.wide.array([w])) for w in (-unknown, unknown)
+            self._event_value(event, states + rates * self.wide_precision.array([w]))
+            for w in (-unknown, unknown)
         ]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
-            raise NotInProportion
+            raise FirstOrderFails
         width = _LIMITS.half_width_margin * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
-        off = (states - self.wide.array(record.state)[:, None]).astype(float)
+        off = (states - self.wide_precision.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, uncertainty)[:, 0] + moves
         return _CrossingWithError(
             EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
         )
 
-    def _value(self, event: Event, states: Any) -> Any:
+    def _event_value(self, event: Event, states: Any) -> Any:
         """Return the value of an event's function at a state (3, 1), in the wide arithmetic."""
         return event.function(self._ops, self._constants, self._omega, *states[:, 0])
 
-    def _rates(self, event: Event, states: Any) -> tuple[Any, float]:
+    def _gradient_and_rate(self, event: Event, states: Any) -> tuple[Any, float]:
         """Return the gradient (3,) of an event's function and its rate in time, at a state (3, 1)
         of the motion.
         """
         gradient = self._gradient(event, states.astype(float))[:, 0]
         speed = float(gradient @ self._defect.rates(states)[:, 0].astype(float))
         if not speed:
-            raise NotInProportion
+            raise FirstOrderFails
         return gradient, speed
 
     def _gradient(self, event: Event, states: Any) -> Any:
         """Return the gradient (3, k) of an event's function at k states, by central differences."""
         moves = _LIMITS.gradient_step * numpy.eye(3)[:, :, None]
         rows = [
-            self._in_doubles(event, states + move) - self._in_doubles(event, states - move)
+            self._event_values_in_doubles(event, states + move)
+            - self._event_values_in_doubles(event, states - move)
             for move in moves
         ]
         return numpy.stack(rows) / (2 * _LIMITS.gradient_step)
 
-    def _in_doubles(self, event: Event, states: Any) -> Any:
+    def _event_values_in_doubles(self, event: Event, states: Any) -> Any:
         """Return the values (k,) of an event's function at k states, in doubles."""
-        constants, omega = self._request.parameters.at(DOUBLE), float(self._omega)
+        constants, omega = self._request.parameters.constants_in(DOUBLE), float(self._omega)
         return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
 
-    def check_missed(self, last: Any, result: Result) -> None:
-        """Raise NotInProportion if the run's errors decide whether an event is met at all.
+    def check_missed_events(self, last: Any, result: Result) -> None:
+        """Raise FirstOrderFails if the run's errors decide whether an event is met at all.
 
         An event is in doubt in two cases. Its function is no larger than its error at a node or at
         the ``last`` time, which has an error of its own. Or the function comes close to zero
         without a change of sign. The parabola through three nodes shows this; where it comes close
         to zero, more places between the nodes are evaluated.
         """
-        times, *at_nodes = self._defect.at_nodes()
+        times, *at_nodes = self._defect.evaluate_at_nodes()
         ends = numpy.concatenate((0 * last, last))
-        at_ends = self._defect.at(ends)
+        at_ends = self._defect.evaluate_at(ends)
         states, errors, roundings, nodes = (
             numpy.concatenate((of[:, :1], inside, of[:, 1:]), axis=1)
             for of, inside in zip(at_ends, at_nodes, strict=True)
@@ -433,15 +447,17 @@ class _RunWithError:
             abs(errors) + self._error_uncertainty(roundings, nodes),
         )
         rates = self._defect.rates(at_ends[0][:, 1:])
-        reach[:, -1:] += abs((rates * (last - self.wide.number(result.time))).astype(float))
+        reach[:, -1:] += abs(
+            (rates * (last - self.wide_precision.number(result.time))).astype(float)
+        )
         ending = None if result.status is Status.REACHED else result.events[-1].name
         for event in [*self._request.events, *([FLAT] if self._request.domain == "event" else [])]:
-            values = self._in_doubles(event, states)
+            values = self._event_values_in_doubles(event, states)
             lost = abs(values) <= HALF_WIDTH_FACTOR * (
                 abs(self._gradient(event, states)) * reach
             ).sum(axis=0)
             # A start on the surface is no crossing
-            first = int(lost[0] or abs(values[0]) <= ROUNDINGS * 2.0**-52)
+            first = int(lost[0] or abs(values[0]) <= SURFACE_ROUNDINGS * 2.0**-52)
             end = -1 if event.name == ending else None
             signs = numpy.sign(values[first:end])
             turns = numpy.diff(signs) * (1 if times[-1] >= 0 else -1) / 2
@@ -450,17 +466,20 @@ class _RunWithError:
                 event.name == ending
             )
             if lost[1:end].any() or turned != named:
-                raise NotInProportion
-            for k in _touching(times, values, _LIMITS.possible_touch_share):
+                raise FirstOrderFails
+            for k in _possible_touches(times, values, _LIMITS.possible_touch_share):
                 inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.touch_samples)
-                finer = self._in_doubles(
-                    event, self._defect.at(inside.astype(self.wide.type))[0].astype(float)
+                finer = self._event_values_in_doubles(
+                    event,
+                    self._defect.evaluate_at(inside.astype(self.wide_precision.number_type))[
+                        0
+                    ].astype(float),
                 )
-                if len(_touching(inside, finer, _LIMITS.touch_share)):
-                    raise NotInProportion
+                if len(_possible_touches(inside, finer, _LIMITS.touch_share)):
+                    raise FirstOrderFails
 
 
-def _touching(times: Any, values: Any, share: float) -> Any:
+def _possible_touches(times: Any, values: Any, share: float) -> Any:
     """Return the indices in a sequence of values at which it may touch zero between the values
     without changing sign.
 

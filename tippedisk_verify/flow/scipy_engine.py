@@ -28,9 +28,9 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
 )
-from tippedisk_verify.flow.start import Start, at_rest
+from tippedisk_verify.flow.start import Start, starts_at_rest
 from tippedisk_verify.flow.system import parameter_names
-from tippedisk_verify.model.equations import field, jacobian, shifted, terms
+from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.precision import DOUBLE
@@ -41,7 +41,7 @@ ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
 SCIPY_METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
 #: solve_ivp refuses a relative tolerance below 100 ulps.
-TIGHTEST = 100 * 2.0**-52
+MIN_TOLERANCE = 100 * 2.0**-52
 _DEFAULT_TOLERANCE = 1e-13  # slightly above the tightest; all methods still converge smoothly there
 
 # A complex step whose square is negligible against 1, so that the derivative is exact to round-off.
@@ -125,7 +125,7 @@ class ScipyEngine:
             raise InputError(
                 "SciPy has no reliable error estimate: use the Taylor engine, or compare with it"
             )
-        if request.events and at_rest(request):
+        if request.events and starts_at_rest(request):
             return self(replace(request, events=()))
         start = Start.of(request, DOUBLE)
         initial, duration = numpy.array(start.state), DOUBLE.number(request.duration)
@@ -148,11 +148,11 @@ class ScipyEngine:
             ]
             initial = numpy.concatenate((initial, numpy.ravel(identity)))
         else:
-            vector_field, slope = field(*law), jacobian(*law)
+            rhs, slope = vector_field(*law), jacobian(*law)
 
             def rates(t: float, y: Any) -> Any:
                 # Python floats: several times faster than numpy scalars
-                return vector_field(*y.tolist())
+                return rhs(*y.tolist())
 
             if self.method in _TAKES_JACOBIAN:
                 options["jac"] = lambda t, y: numpy.array(slope(*y.tolist()))
@@ -160,7 +160,7 @@ class ScipyEngine:
         if request.domain != "none" and FLAT not in detected_events:
             detected_events.append(FLAT)
         counted = _CountedRates(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
-        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, TIGHTEST)
+        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, MIN_TOLERANCE)
         events = [_event(event, start) for event in detected_events]
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")
@@ -241,16 +241,16 @@ def _event(event: Event, start: Start) -> Callable[[float, Any], float]:
     if event.name != FLAT.name and start.lies_on(event, 2.0**-52):
         # Rounding decides the sign there. Use the sign a moment later, so that the start is no
         # crossing.
-        _, at_start = start.window(event)
+        _, at_start = start.time_on_surface(event)
 
     def crossing(t: float, y: Any) -> float:
         if t == 0.0 and at_start is not None:
             return at_start
-        return float(start.value(event, y[:3].tolist()))
+        return float(start.event_value(event, y[:3].tolist()))
 
     crossing.terminal = event.terminal  # type: ignore[attr-defined]
     # SciPy means the order of its steps, the contract that of time.
-    crossing.direction = event.direction if start.forward else -event.direction  # type: ignore[attr-defined]
+    crossing.direction = event.direction if start.runs_forward else -event.direction  # type: ignore[attr-defined]
     return crossing
 
 
@@ -260,7 +260,7 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
 
     The derivatives come from an imaginary step along each of the variations.
     """
-    step, ops = complex(0.0, _COMPLEX_STEP), shifted(cmath) if request.shifted else cmath
+    step, ops = complex(0.0, _COMPLEX_STEP), shifted_ops(cmath) if request.shifted else cmath
     constants, omega, law = start.constants, start.omega, start.law
     names = parameter_names(law)
     fields = []
@@ -276,12 +276,14 @@ def _with_variations(request: Request, start: Start) -> Callable[[float, Any], A
         )
         speed = omega + step if name == "Omega" else omega
         # The absolute value has no complex derivative; the sign of gamma_y replaces it.
-        fields.append({side: field(ops, moved, speed, law, side) for side in (1, -1)})
-    real_field = field(start.ops, constants, omega, law)
+        fields.append({side: vector_field(ops, moved, speed, law, side) for side in (1, -1)})
+    real_field = vector_field(start.ops, constants, omega, law)
 
     def rates(t: float, y: Any) -> Any:
         state, columns = y[:3].tolist(), y[3:].reshape(3, -1).T.tolist()
-        side = 1 if terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
+        side = (
+            1 if equation_terms(start.ops, constants, omega, *state).sliding_velocity >= 0 else -1
+        )
         changes = []
         for sides, column in zip(fields, columns, strict=True):
             varied = [x + step * variation for x, variation in zip(state, column, strict=True)]

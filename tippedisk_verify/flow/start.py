@@ -7,30 +7,30 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from tippedisk_verify.flow.contract import FLAT, Event, Request
-from tippedisk_verify.model.equations import Ops, field, shifted
+from tippedisk_verify.model.equations import Ops, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
 __all__ = [
-    "MAX_WINDOW",
+    "MAX_TIME_ON_SURFACE",
+    "MIN_TIME_ON_SURFACE",
     "NO_SURFACES",
-    "ROUNDINGS",
-    "START_WINDOW",
+    "SURFACE_ROUNDINGS",
     "Start",
     "StartSurfaces",
-    "at_rest",
     "start_surfaces",
+    "starts_at_rest",
     "starts_on_a_surface",
 ]
 
 #: The shortest time for which a start on an event's surface lasts [s].
-START_WINDOW = 2.0**-30
-_START_WINDOWS = (START_WINDOW, 2.0**-25, 2.0**-20, 2.0**-15)
+MIN_TIME_ON_SURFACE = 2.0**-30
+_TIMES_ON_SURFACE = (MIN_TIME_ON_SURFACE, 2.0**-25, 2.0**-20, 2.0**-15)
 #: The longest such time [s].
-MAX_WINDOW = _START_WINDOWS[-1]
+MAX_TIME_ON_SURFACE = _TIMES_ON_SURFACE[-1]
 #: The largest value of an event function at a start on its surface, in roundings.
-ROUNDINGS = 64
+SURFACE_ROUNDINGS = 64
 
 
 class Start(NamedTuple):
@@ -43,7 +43,7 @@ class Start(NamedTuple):
     law: FrictionLaw
     omega: Any  #: [rad/s]
     state: Sequence[Any]
-    forward: Any  #: True if time rises
+    runs_forward: Any  #: True if time rises
 
     @classmethod
     def of(cls, request: Request, precision: Precision) -> Start:
@@ -53,12 +53,18 @@ class Start(NamedTuple):
             request: The run.
             precision: The arithmetic.
         """
-        number, ops = precision.number, shifted(precision.ops) if request.shifted else precision.ops
+        number, ops = (
+            precision.number,
+            shifted_ops(precision.ops) if request.shifted else precision.ops,
+        )
         state = [number(x) for x in request.state]
-        constants, forward = request.parameters.at(precision), number(request.duration) >= 0
+        constants, forward = (
+            request.parameters.constants_in(precision),
+            number(request.duration) >= 0,
+        )
         return cls(ops, constants, request.law, number(request.omega), state, bool(forward))
 
-    def value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
+    def event_value(self, event: Event, state: Sequence[Any] | None = None) -> Any:
         """Return the value of an event's function at the run's start, or at another state.
 
         Args:
@@ -75,9 +81,9 @@ class Start(NamedTuple):
         Args:
             state: (beta [rad], gamma [rad], v [rad/s]).
         """
-        return field(self.ops, self.constants, self.omega, self.law)(*state)
+        return vector_field(self.ops, self.constants, self.omega, self.law)(*state)
 
-    def ahead(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
+    def state_after(self, state: Sequence[Any], step: Any) -> Sequence[Any]:
         """Return the state that a motion reaches from a state after a short time, to second order.
 
         Args:
@@ -95,9 +101,9 @@ class Start(NamedTuple):
             event: The event.
             epsilon: The relative rounding of the start.
         """
-        return bool(abs(self.value(event)) <= ROUNDINGS * epsilon)
+        return bool(abs(self.event_value(event)) <= SURFACE_ROUNDINGS * epsilon)
 
-    def window(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
+    def time_on_surface(self, event: Event, epsilon: float = 2.0**-52) -> tuple[float, float]:
         """Return how long the orbit from a start on an event's surface stays on it to rounding, and
         the event function's value after that time.
 
@@ -112,11 +118,13 @@ class Start(NamedTuple):
             The duration [s] and the value, both as doubles.
         """
         window = value = 0.0
-        for window in _START_WINDOWS:
+        for window in _TIMES_ON_SURFACE:
             value = float(
-                self.value(event, self.ahead(self.state, window if self.forward else -window))
+                self.event_value(
+                    event, self.state_after(self.state, window if self.runs_forward else -window)
+                )
             )
-            if abs(value) > ROUNDINGS * epsilon:
+            if abs(value) > SURFACE_ROUNDINGS * epsilon:
                 break
         return window, value
 
@@ -125,14 +133,14 @@ class StartSurfaces(NamedTuple):
     """The surfaces on which a run's start lies: events whose functions are zero there."""
 
     names: tuple[str, ...]
-    window: float = 0.0  #: the duration of its stay there [s]
-    exactly: bool = False  #: True if one of the functions is zero to the last bit
+    time_on_surface: float = 0.0  #: the duration of its stay there [s]
+    has_exact_zero: bool = False  #: True if one of the functions is zero to the last bit
 
 
 NO_SURFACES = StartSurfaces(())
 
 
-def at_rest(request: Request) -> bool:
+def starts_at_rest(request: Request) -> bool:
     """Return True if a run's start is an equilibrium to the last bit.
 
     Its event functions may vanish, but it crosses no surface.
@@ -174,17 +182,17 @@ def start_surfaces(request: Request, start: Start) -> StartSurfaces:
         (event, value)
         for event in request.events
         if (event.name != FLAT.name or request.domain == "none")
-        and abs(value := start.value(event)) <= ROUNDINGS * epsilon
+        and abs(value := start.event_value(event)) <= SURFACE_ROUNDINGS * epsilon
     ]
     if not on:
         return NO_SURFACES
     in_doubles = start._replace(
-        ops=shifted(math) if request.shifted else math,
-        constants=request.parameters.at(DOUBLE),
+        ops=shifted_ops(math) if request.shifted else math,
+        constants=request.parameters.constants_in(DOUBLE),
         omega=float(start.omega),
         state=[float(x) for x in start.state],
     )
-    window = max(in_doubles.window(event, max(epsilon, 2.0**-52))[0] for event, _ in on)
+    window = max(in_doubles.time_on_surface(event, max(epsilon, 2.0**-52))[0] for event, _ in on)
     return StartSurfaces(
         tuple(event.name for event, _ in on), window, any(value == 0 for _, value in on)
     )

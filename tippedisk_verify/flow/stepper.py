@@ -22,22 +22,22 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.start import (
+    MIN_TIME_ON_SURFACE,
     NO_SURFACES,
-    START_WINDOW,
     Start,
     StartSurfaces,
     start_surfaces,
 )
 from tippedisk_verify.flow.switching import FrictionSign
 from tippedisk_verify.flow.system import (
-    SWITCH,
-    TURN_OVER,
+    FRICTION_SWITCH,
+    SIN_BETA_REVERSAL,
     build_system,
     direction_of,
-    nudge,
     parameter_names,
+    perturb_last_bits,
 )
-from tippedisk_verify.model.equations import shifted
+from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
 
@@ -63,7 +63,7 @@ class Series:
             steps: For each step the time of its end [s] and its polynomials (k, order + 1), those
                 of the state first.
         """
-        element = object if precision.kind == "real" else precision.type
+        element = object if precision.kind == "real" else precision.number_type
         self._precision = precision
         #: (n + 1,) [s]
         self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)
@@ -81,7 +81,7 @@ class Series:
 
         Besides the state there may be derivatives and the integral of the divergence.
         """
-        wanted = self._precision.sequence(times)
+        wanted = self._precision.as_array(times)
         step = self.step_of(wanted)
         since = wanted - self.times[step]
         total = self.coefficients[-1][:, step]
@@ -104,7 +104,7 @@ class Series:
         """
         if request.times is None:
             return None
-        times = self._precision.sequence(request.times)
+        times = self._precision.as_array(request.times)
         return self.values(
             times if status is Status.REACHED else times[abs(times) <= abs(self.times[-1])]
         )
@@ -135,7 +135,7 @@ def _grid_of(request: Request, duration: Any) -> Any:
         return None
     if request.estimated_by_defect or request.dense:
         return None
-    inside = DOUBLE.sequence(times)
+    inside = DOUBLE.as_array(times)
     inside = inside[(inside != 0) & (abs(inside) < abs(duration))]
     return numpy.concatenate(([0.0], inside, [duration]))
 
@@ -150,7 +150,7 @@ class CompiledStepper:
     ) -> None:
         self.precision = precision = request.precision
         number, two_sided = precision.number, request.law.two_sided
-        self._ops = shifted(precision.ops) if request.shifted else precision.ops
+        self._ops = shifted_ops(precision.ops) if request.shifted else precision.ops
         self._events, self._two_sided = events, two_sided
         self._divergence = request.divergence
         watched = [
@@ -160,7 +160,7 @@ class CompiledStepper:
         system, self._crossings = build_system(
             request.variations,
             request.divergence,
-            (*built, SWITCH, TURN_OVER) if two_sided else built,
+            (*built, FRICTION_SWITCH, SIN_BETA_REVERSAL) if two_sided else built,
             request.shifted,
             request.law,
         )
@@ -169,7 +169,11 @@ class CompiledStepper:
         self._terminal = [event for event in built if event.terminal]
         if two_sided:
             self._friction_sign = FrictionSign(precision, watched, self._records)
-        options: dict[str, Any] = {"fp_type": precision.type, "compact_mode": compact, **chosen}
+        options: dict[str, Any] = {
+            "fp_type": precision.number_type,
+            "compact_mode": compact,
+            **chosen,
+        }
         if precision.kind == "real":
             options["prec"] = precision.bits
         if request.tolerance is not None:
@@ -209,7 +213,10 @@ class CompiledStepper:
             friction=request.law.name,
             variations=request.variations,
             divergence=request.divergence,
-            events=(*(event.name for event in events), *((SWITCH.name,) if two_sided else ())),
+            events=(
+                *(event.name for event in events),
+                *((FRICTION_SWITCH.name,) if two_sided else ()),
+            ),
             u_variables=len(self._stepper.decomposition) - self._stepper.dim,
         )
         self._built = (self.build,)
@@ -219,12 +226,12 @@ class CompiledStepper:
 
         Those of the request come first, then those that change the friction law's side.
         """
-        hy, fp_type = heyoka_module(), self.precision.type
+        hy, fp_type = heyoka_module(), self.precision.number_type
         # An event that has fired is not seen again for as long as a start on its surface lasts.
         # heyoka's own waiting time comes from the tolerance. It is too short where the orbit only
         # touches the surface. It is too long after a switch of the branch at a loose tolerance: the
         # state there is on the surface to rounding, at every tolerance.
-        wait = self.precision.number(START_WINDOW)
+        wait = self.precision.number(MIN_TIME_ON_SURFACE)
 
         def ending(name: str, **options: Any) -> Any:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
@@ -238,7 +245,7 @@ class CompiledStepper:
             )  # in bare functions: heyoka copies all other callables
             events.append(
                 ending(
-                    SWITCH.name,
+                    FRICTION_SWITCH.name,
                     callback=lambda stepper, sign: friction_sign.set_at_reversal(
                         sign, stepper.time
                     ),
@@ -247,7 +254,7 @@ class CompiledStepper:
             if FLAT not in self._terminal:
                 events.append(
                     ending(
-                        TURN_OVER.name,
+                        SIN_BETA_REVERSAL.name,
                         callback=lambda stepper, sign: friction_sign.flip_with_sin_beta(),
                     )
                 )
@@ -257,7 +264,7 @@ class CompiledStepper:
         """Return heyoka's event that records crossings of an event's surface without ending the
         run.
         """
-        name, records, owned = event.name, self._records, self.precision.owned
+        name, records, owned = event.name, self._records, self.precision.copy_array
 
         def record(stepper: Any, when: Any, sign: int) -> None:
             stepper.update_d_output(when)
@@ -267,7 +274,7 @@ class CompiledStepper:
             self._crossings[name],
             record,
             direction=direction_of(event),
-            fp_type=self.precision.type,
+            fp_type=self.precision.number_type,
         )
 
     def run(self, request: Request) -> Result:
@@ -285,9 +292,11 @@ class CompiledStepper:
         number = self.precision.number
         state = [number(component) for component in request.state]
         duration, omega = number(request.duration), number(request.omega)
-        if request.rounding is not None:
-            *state, omega = nudge((*state, omega), request.rounding, self.precision)
-        constants, forward = request.parameters.at(self.precision), bool(duration >= 0)
+        if request.perturbation_pattern is not None:
+            *state, omega = perturb_last_bits(
+                (*state, omega), request.perturbation_pattern, self.precision
+            )
+        constants, forward = request.parameters.constants_in(self.precision), bool(duration >= 0)
         start = Start(self._ops, constants, request.law, omega, state, forward)
         self._grid = _grid_of(request, duration)
         sampled = request.times is not None and self._grid is None
@@ -300,13 +309,13 @@ class CompiledStepper:
         on_surfaces = start_surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
-        careful = self._two_sided or on_surfaces.exactly
+        careful = self._two_sided or on_surfaces.has_exact_zero
         outcome, low, steps = self._run_to_end(
             start, on_surfaces if careful else NO_SURFACES, duration, request.max_steps
         )
         if (
             not careful
-            and abs(self._stepper.time) <= on_surfaces.window
+            and abs(self._stepper.time) <= on_surfaces.time_on_surface
             and self._ends_on_start_surface(outcome, on_surfaces)
         ):
             outcome, low, steps = self._run_to_end(start, on_surfaces, duration, request.max_steps)
@@ -315,7 +324,8 @@ class CompiledStepper:
             self._records[:] = [
                 record
                 for record in self._records
-                if record.name not in on_surfaces.names or abs(record.time) > on_surfaces.window
+                if record.name not in on_surfaces.names
+                or abs(record.time) > on_surfaces.time_on_surface
             ]
         return self._result(request, status, steps)
 
@@ -326,13 +336,13 @@ class CompiledStepper:
         if (
             omega is not self._speed
             or request.parameters is not self._parameters
-            or request.rounding is not None
+            or request.perturbation_pattern is not None
         ):
-            constants = request.parameters.at(self.precision)
+            constants = request.parameters.constants_in(self.precision)
             values = [getattr(constants, name) for name in self._names[1:]]
             self._parameters, self._speed = request.parameters, omega
-            if request.rounding is not None:
-                values = nudge(values, request.rounding + 1, self.precision)
+            if request.perturbation_pattern is not None:
+                values = perturb_last_bits(values, request.perturbation_pattern + 1, self.precision)
                 self._parameters = None  # the next run must not reuse them
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
@@ -378,7 +388,7 @@ class CompiledStepper:
         A step that is there already is not appended again. The callback returns True, so that the
         run continues.
         """
-        rows, zero, owned = self._kept_rows, self._zero, self.precision.owned
+        rows, zero, owned = self._kept_rows, self._zero, self.precision.copy_array
 
         def keep(stepper: Any) -> bool:
             end = stepper.time
@@ -428,9 +438,10 @@ class CompiledStepper:
             return None
         # Use at most half of the run, so that the rest can be recorded.
         limit = min(
-            self.precision.number(on_surfaces.window), abs(duration) * self.precision.number(0.5)
+            self.precision.number(on_surfaces.time_on_surface),
+            abs(duration) * self.precision.number(0.5),
         )
-        limit = limit if start.forward else -limit
+        limit = limit if start.runs_forward else -limit
         if self._jump_ahead(start, limit, on_surfaces):
             return None
         outcome, low = self._finished, self._zero
@@ -461,14 +472,16 @@ class CompiledStepper:
         stepper.step(target, write_tc=True)
         stepper.update_d_output(target)
         ahead = stepper.d_output.tolist()
-        terms = self.precision.owned(stepper.tc[: self._kept_rows])
+        terms = self.precision.copy_array(stepper.tc[: self._kept_rows])
         self._rewind(start.state)
         watched = [event for event in self._events if event.name not in on_surfaces.names]
         # The branch, too, must be the same all the way, and not in doubt at the start
         if self._two_sided:
             self._friction_sign.begin(start)
             watched += SLIDING_REVERSAL, FLAT
-        if any(start.value(event) * start.value(event, ahead[:3]) <= 0 for event in watched):
+        if any(
+            start.event_value(event) * start.event_value(event, ahead[:3]) <= 0 for event in watched
+        ):
             return False
         stepper.time = target
         stepper.state[:] = ahead
@@ -509,13 +522,13 @@ class CompiledStepper:
         event = self._terminal[index]
         self._records.append(
             EventRecord(
-                event.name, self._stepper.time, self.precision.owned(self._stepper.state[:3])
+                event.name, self._stepper.time, self.precision.copy_array(self._stepper.state[:3])
             )
         )
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
     def _result(self, request: Request, status: Status, steps: int) -> Result:
-        final, derivatives, divergence = self.precision.owned(self._stepper.state), None, None
+        final, derivatives, divergence = self.precision.copy_array(self._stepper.state), None, None
         whole, size = final, self._size
         if self._identity is not None:
             if self._divergence:
@@ -535,7 +548,7 @@ class CompiledStepper:
         if series is not None and not request.estimated_by_defect:
             samples = series.samples(request, status)
         elif self._grid is not None:
-            times = DOUBLE.sequence(request.times)
+            times = DOUBLE.as_array(request.times)
             first, last = (int(times[end] == self._grid[end]) for end in (0, -1))
             samples = self._rows[1 - first : len(self._grid) - 1 + last, : self._kept_rows]
         if samples is not None and derivatives is not None:

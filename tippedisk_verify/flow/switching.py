@@ -23,7 +23,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord
-from tippedisk_verify.flow.start import ROUNDINGS, START_WINDOW, Start
+from tippedisk_verify.flow.start import MIN_TIME_ON_SURFACE, SURFACE_ROUNDINGS, Start
 from tippedisk_verify.model.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
@@ -43,9 +43,9 @@ class FrictionSign:
         self, precision: Precision, watched: Sequence[Event], records: list[EventRecord]
     ) -> None:
         self._watched, self._records = watched, records
-        self._one, self._owned = precision.number(1), precision.owned
+        self._one, self._owned = precision.number(1), precision.copy_array
         self._epsilon = float(precision.epsilon)
-        self._window = precision.number(START_WINDOW)
+        self._window = precision.number(MIN_TIME_ON_SURFACE)
         # The time [s] after a switch for which the branches, which differ by gamma_y squared, agree
         # to rounding.
         self._moment = precision.number(self._epsilon ** (1 / 3))
@@ -70,7 +70,7 @@ class FrictionSign:
             self._rests = not any(start.rates(start.state))
             self._set(self._side_ahead(start.state))
         else:
-            self._set(1 if start.value(SLIDING_REVERSAL) >= 0 else -1)
+            self._set(1 if start.event_value(SLIDING_REVERSAL) >= 0 else -1)
 
     def flip_with_sin_beta(self) -> bool:
         """Change the sign of gamma_y in the friction law where sin(beta) changes its sign.
@@ -93,7 +93,7 @@ class FrictionSign:
         """
         if self._rests:
             return True
-        side = self.side if sign == 0 else sign if self._start.forward else -sign
+        side = self.side if sign == 0 else sign if self._start.runs_forward else -sign
         last, self._switch_time = self._switch_time, time
         if side == self.side and last is not None and abs(time - last) <= self._moment:
             # The same crossing again: at a loose tolerance the event's series and that of the state
@@ -116,8 +116,12 @@ class FrictionSign:
 
         It is computed to second order, because the motion may touch the surface.
         """
-        step = self._moment if self._start.forward else -self._moment
-        return 1 if self._start.value(SLIDING_REVERSAL, self._start.ahead(state, step)) >= 0 else -1
+        step = self._moment if self._start.runs_forward else -self._moment
+        return (
+            1
+            if self._start.event_value(SLIDING_REVERSAL, self._start.state_after(state, step)) >= 0
+            else -1
+        )
 
     def _reported(self, sign: int, time: Any) -> bool:
         """Record a crossing of gamma_y / sin(beta) = 0 for the run's events with the same surface.
@@ -138,7 +142,7 @@ class FrictionSign:
         show.
         """
         # NaN is lost too.
-        slip = float(self._start.value(SLIDING_REVERSAL, self.stepper.state[:3]))
+        slip = float(self._start.event_value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_MAX_RESIDUAL_SLIP * self._epsilon
 
     def _set(self, side: int) -> None:
@@ -161,13 +165,13 @@ class FrictionSigns:
             stepper: heyoka's batch integrator.
             start: The starts of the runs, as arrays.
         """
-        slip = start.value(SLIDING_REVERSAL)
-        on_surface = abs(slip) <= ROUNDINGS * 2.0**-52
+        slip = start.event_value(SLIDING_REVERSAL)
+        on_surface = abs(slip) <= SURFACE_ROUNDINGS * 2.0**-52
         if on_surface.any():
-            ahead = start.ahead(
-                start.state, numpy.where(start.forward, _EQUAL_SIDES_TIME, -_EQUAL_SIDES_TIME)
+            ahead = start.state_after(
+                start.state, numpy.where(start.runs_forward, _EQUAL_SIDES_TIME, -_EQUAL_SIDES_TIME)
             )
-            slip = numpy.where(on_surface, start.value(SLIDING_REVERSAL, ahead), slip)
+            slip = numpy.where(on_surface, start.event_value(SLIDING_REVERSAL, ahead), slip)
         self._start = start
         self._sides = numpy.where(slip >= 0, 1.0, -1.0)  # signs of gamma_y / sin(beta)
         self._upright = numpy.where(start.ops.sin(start.state[0]) >= 0, 1.0, -1.0)
@@ -183,8 +187,8 @@ class FrictionSigns:
             sign: The sign of the function's derivative in time.
             lane: The number of the lane.
         """
-        side = float(sign if self._start.forward[lane] else -sign) or self._sides[lane]
-        if side == self._sides[lane] and abs(stepper.time[lane]) > START_WINDOW:
+        side = float(sign if self._start.runs_forward[lane] else -sign) or self._sides[lane]
+        if side == self._sides[lane] and abs(stepper.time[lane]) > MIN_TIME_ON_SURFACE:
             self._doubtful[lane] = True
         self._sides[lane] = side
         stepper.pars[-1, lane] = side * self._upright[lane]
@@ -207,5 +211,5 @@ class FrictionSigns:
         Args:
             stepper: heyoka's batch integrator at the end of the runs.
         """
-        slip = self._start.value(SLIDING_REVERSAL, stepper.state[:3])
+        slip = self._start.event_value(SLIDING_REVERSAL, stepper.state[:3])
         return (slip * self._sides >= -_MAX_RESIDUAL_SLIP * 2.0**-52) & ~self._doubtful

@@ -20,28 +20,28 @@ from tippedisk_verify.flow.contract import (
     Variation,
 )
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.model.equations import STATE_NAMES, field, jacobian, shifted
+from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import Precision
 
 __all__ = [
-    "SWITCH",
-    "TURN_OVER",
+    "FRICTION_SWITCH",
+    "SIN_BETA_REVERSAL",
     "build_system",
-    "by_constants",
+    "constant_derivatives",
     "constants_of",
     "direction_of",
-    "nudge",
     "parameter_names",
+    "perturb_last_bits",
 ]
 
 # The runtime parameters of every law's compiled field, in this order. The law's own constants
 # follow, and the side of a law that has two is the last one.
 _COMMON_PARAMETERS = ("Omega", "r", "e", "a", "b", "g")
 #: The events at which a law with two sides changes its side. Requests cannot have these names.
-SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
-TURN_OVER = Event("(turns over)", FLAT.function)
+FRICTION_SWITCH = Event("(switch)", SLIDING_REVERSAL.function)
+SIN_BETA_REVERSAL = Event("(turns over)", FLAT.function)
 
 
 # The number of patterns in which each number moves up once and down once. So no number stays fixed
@@ -59,7 +59,7 @@ def parameter_names(law: FrictionLaw) -> tuple[str, ...]:
     return _COMMON_PARAMETERS + law.constants
 
 
-def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
+def constant_derivatives(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]:
     """Return the exact derivatives of the constants in the equations of motion with respect to each
     input of a motion.
 
@@ -73,7 +73,7 @@ def by_constants(parameters: Parameters) -> dict[str, dict[Variation, Fraction]]
     Returns:
         A row for each input: its nonzero derivatives, by the name of the constant.
     """
-    c, one = parameters.rational(), Fraction(1)
+    c, one = parameters.rational_constants(), Fraction(1)
     table: dict[str, dict[Variation, Fraction]] = {
         "beta": {"beta": one},
         "gamma": {"gamma": one},
@@ -134,13 +134,13 @@ def build_system(
         InputError: If the field does not have such a derivative, or the law cannot be compiled.
     """
     hy = heyoka_module()
-    ops = shifted(hy) if shift else hy
+    ops = shifted_ops(hy) if shift else hy
     state, names = hy.make_vars(*STATE_NAMES), parameter_names(law)
     pars = [hy.par[index] for index in range(len(names))]
     constants, omega = constants_of(pars, law), pars[0]
     side = hy.par[len(names)] if law.two_sided else None
     try:
-        rates = field(ops, constants, omega, law, side)(*state)
+        rates = vector_field(ops, constants, omega, law, side)(*state)
     except (AttributeError, TypeError) as fault:
         raise InputError(
             f"the friction law '{law}' cannot be compiled: {fault}; an absolute value needs "
@@ -152,7 +152,9 @@ def build_system(
         system.append((hy.make_vars("divergence"), slope))
     if law.has_guard:
         slip = SLIDING_REVERSAL.function(ops, constants, omega, *state)
-        system.append((hy.make_vars("guard"), law.guard(hy, ops.sin(state[0]) * slip, constants)))
+        system.append(
+            (hy.make_vars("guard"), law.guard_rate(hy, ops.sin(state[0]) * slip, constants))
+        )
     if variations:
         variables = dict(zip((*STATE_VARIATIONS, *names), (*state, *pars), strict=True))
         unknown = [name for name in variations if name not in variables]
@@ -174,7 +176,7 @@ def direction_of(event: Event) -> Any:
     return {-1: directions.negative, 0: directions.any, 1: directions.positive}[event.direction]
 
 
-def nudge(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
+def perturb_last_bits(values: Sequence[Any], pattern: int, precision: Precision) -> list[Any]:
     """Return a twin of some numbers: each moves by its last bit, up, down or not at all.
 
     Zero stays. Twins serve problems solved by many runs, such as a limit cycle. The equations of

@@ -21,12 +21,12 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, half_widths_from_defect
-from tippedisk_verify.flow.start import at_rest, starts_on_a_surface
+from tippedisk_verify.flow.start import starts_at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
 from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
 from tippedisk_verify.model.arrays import round_to_doubles
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
-from tippedisk_verify.model.precision import DOUBLE, bits, bits_for_digits
+from tippedisk_verify.model.precision import DOUBLE, bits_for_digits, precision_of_bits
 
 __all__ = ["Taylor"]
 
@@ -102,7 +102,7 @@ class Taylor:
             InputError: If the start, the duration or the speed is not a finite number. Also if the
                 start is so close to the floor that rounding decides whether the disk leaves it.
         """
-        if request.events and at_rest(request):
+        if request.events and starts_at_rest(request):
             return self(replace(request, events=()))
         precision = request.precision
         events = request.events
@@ -140,7 +140,7 @@ class Taylor:
             return result._replace(series=None)
         refined = half_widths_from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
-            precision = bits(bits_for_digits(request.digits + 8))
+            precision = precision_of_bits(bits_for_digits(request.digits + 8))
             wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
             return self(wide)._replace(precision=precision)
         if refined is None:

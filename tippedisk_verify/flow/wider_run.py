@@ -21,9 +21,9 @@ import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
 from tippedisk_verify.flow.start import Start
-from tippedisk_verify.model.arrays import half_widths, round_to_doubles
+from tippedisk_verify.model.arrays import half_widths_in_doubles, round_to_doubles
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
-from tippedisk_verify.model.precision import DOUBLE, Precision, companion
+from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 
 __all__ = ["half_widths_from_wider_run"]
 
@@ -66,16 +66,16 @@ def half_widths_from_wider_run(engine: Engine, request: Request, result: Result)
         )
 
     wider = (
-        companion(companion(DOUBLE))
+        wider_precision(wider_precision(DOUBLE))
         if request.precision == DOUBLE
-        else companion(request.precision)
+        else wider_precision(request.precision)
     )
     check = checked(wider, request.max_steps)
     agreed = not _end_far_apart(result, check) and _starts_moving(request, wider)
     if not agreed and request.precision == DOUBLE and result.status.usable:
         # Where rounding has grown out of proportion, a wider run may be just as wrong. A third run
         # must agree with it.
-        before, wider = check, companion(wider)
+        before, wider = check, wider_precision(wider)
         # It has a higher order and so needs fewer steps, unless it diverges itself.
         check = checked(wider, min(request.max_steps, 2 * result.steps))
         agreed = not _end_far_apart(before, check) and _starts_moving(request, wider)
@@ -102,7 +102,9 @@ def _half_widths(
         return round_to_doubles(bound) if precision.kind == "double" else bound
 
     def time_width(mine: Any, theirs: Any) -> float:
-        return float(half_widths(widths(precision.array([mine]), wider.array([theirs])))[0])
+        return float(
+            half_widths_in_doubles(widths(precision.array([mine]), wider.array([theirs])))[0]
+        )
 
     def of_all(name: str) -> Any:
         values = getattr(result, name)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import refuse_qualified
+from tippedisk_verify.model.exact import refuse_units_and_masks
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
@@ -18,7 +18,7 @@ from tippedisk_verify.model.precision import DOUBLE
 __all__ = [
     "Array",
     "ArrayFunction",
-    "half_widths",
+    "half_widths_in_doubles",
     "numpy_safe",
     "round_to_doubles",
     "to_double_array",
@@ -57,7 +57,7 @@ def to_double_array(values: Any) -> Any:
     """
     if type(values) is numpy.ndarray and values.dtype.kind == "f":
         return values.astype(float, copy=False)
-    refuse_qualified(values)
+    refuse_units_and_masks(values)
     if not isinstance(values, list | tuple) and not getattr(values, "ndim", 0):
         return numpy.asarray(DOUBLE.number(values))
     try:
@@ -66,7 +66,7 @@ def to_double_array(values: Any) -> Any:
         raise InputError(f"an array of numbers is needed: {fault}") from None
 
 
-def half_widths(values: Any) -> Array:
+def half_widths_in_doubles(values: Any) -> Array:
     """Round half-widths to doubles, none of them down to zero.
 
     A positive half-width that would round to zero becomes the smallest positive double.
@@ -105,7 +105,7 @@ class ArrayFunction:
     ``y`` is a state (3,) or states (3, k): beta, gamma [rad] and v [rad/s].
 
     Args:
-        made: `field` or `jacobian`.
+        build: `vector_field` or `jacobian`.
         parameters: The disk and its friction law.
         omega: The spinning speed [rad/s].
 
@@ -113,9 +113,9 @@ class ArrayFunction:
         InputError: If ``omega`` is not a speed, or ``y`` has another shape.
     """
 
-    def __init__(self, made: Callable[..., Any], parameters: Parameters, omega: object) -> None:
-        self._of, speed = (made, parameters, omega), DOUBLE.number(checked_speed(omega))
-        self._function = made(numpy, parameters.at(DOUBLE), speed, parameters.friction)
+    def __init__(self, build: Callable[..., Any], parameters: Parameters, omega: object) -> None:
+        self._arguments, speed = (build, parameters, omega), DOUBLE.number(checked_speed(omega))
+        self._function = build(numpy, parameters.constants_in(DOUBLE), speed, parameters.friction)
 
     def __call__(self, t: object, y: Any) -> Array:
         """Return the field (3,) or its Jacobian (3, 3) at a state (3,).
@@ -129,7 +129,7 @@ class ArrayFunction:
         Raises:
             InputError: If ``y`` does not have three rows, or has a unit or masked elements.
         """
-        refuse_qualified(y)
+        refuse_units_and_masks(y)
         try:
             beta, gamma, v = y
         except (TypeError, ValueError):
@@ -139,4 +139,4 @@ class ArrayFunction:
         return numpy.array(self._function(beta, gamma, v))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return ArrayFunction, self._of
+        return ArrayFunction, self._arguments

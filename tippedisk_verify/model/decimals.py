@@ -21,13 +21,13 @@ from fractions import Fraction
 from functools import cache
 
 __all__ = [
-    "arithmetic",
+    "decimal_arithmetic",
     "decimal_magnitude",
     "exact_decimals",
     "exact_text",
+    "round_down",
     "round_to_place",
-    "rounded_down",
-    "rounded_up",
+    "round_up",
 ]
 
 
@@ -45,11 +45,11 @@ def _context(digits: int, rounding: str) -> Context:
     )
 
 
-_TRUNCATED = _context(1, ROUND_DOWN)
+_ONE_DIGIT_DOWN = _context(1, ROUND_DOWN)
 
 
 @contextmanager
-def arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[None]:
+def decimal_arithmetic(digits: int = 140, rounding: str = ROUND_HALF_EVEN) -> Iterator[None]:
     """Return a context manager, also a decorator, in which decimals have ``digits`` digits.
 
     All decimal arithmetic of the package runs in it. The caller's context is neither read nor
@@ -71,19 +71,19 @@ def exact_text(value: Fraction) -> str:
     return text if cut == "0" else f"{Decimal(value.numerator)}/{Decimal(value.denominator)}"
 
 
-def rounded_up(value: Fraction) -> str:
+def round_up(value: Fraction) -> str:
     """Return the least decimal of two significant digits that is at least ``value`` > 0."""
     return round_to_place(value, decimal_magnitude(value) - 1, math.ceil)[0]
 
 
-def rounded_down(value: Fraction) -> str:
+def round_down(value: Fraction) -> str:
     """Return the greatest decimal of two significant digits that is at most ``value`` > 0."""
     return round_to_place(value, decimal_magnitude(value) - 1, math.floor)[0]
 
 
 def decimal_magnitude(value: Fraction) -> int:
     """Return the integer k with 10**k <= |value| < 10**(k+1), for a value other than zero."""
-    return _TRUNCATED.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
+    return _ONE_DIGIT_DOWN.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
 
 
 def exact_decimals(value: Fraction) -> tuple[str, str]:
@@ -98,7 +98,7 @@ def exact_decimals(value: Fraction) -> tuple[str, str]:
     # A repeating decimal: fifty digits and the half-width of the cut
     if 10**places % value.denominator:
         text, cut = round_to_place(value, decimal_magnitude(value) - 50)
-        return text, rounded_up(cut)
+        return text, round_up(cut)
     while places and not value.numerator * 10 ** (places - 1) % value.denominator:
         places -= 1
     return round_to_place(value, -places)[0], "0"

@@ -5,8 +5,8 @@ speed ``Omega`` in rad/s. The functions take ``ops``, a namespace with ``sin`` a
 kind of number (``math``, ``numpy``, an mpmath context, ``heyoka``, ``sympy``). They work on the
 same kind: floats, arrays, high-precision numbers, expressions.
 
-`terms` holds the paper's own quantities. `field` is the function that is integrated. It is the same
-acceleration in another form:
+`equation_terms` holds the paper's own quantities. `vector_field` is the function that is integrated.
+It is the same acceleration in another form:
 
 - Common factors are taken out, which leaves 51 instead of 75 operations in a Taylor recurrence.
 - Products replace powers, because a general power divides by its base and cos(beta) vanishes at
@@ -28,22 +28,22 @@ from tippedisk_verify.model.parameters import Constants
 
 __all__ = [
     "STATE_NAMES",
+    "EquationTerms",
     "Ops",
-    "Terms",
     "checked_speed",
     "checked_speeds",
-    "field",
+    "equation_terms",
     "jacobian",
     "normal_force_over_weight",
     "require_one_speed",
-    "shifted",
-    "terms",
+    "shifted_ops",
+    "vector_field",
 ]
 
 #: The names of the state's components, in order
 STATE_NAMES = ("beta", "gamma", "v")
 
-Field = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
+VectorField = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
 
 
 class Ops(Protocol):
@@ -66,7 +66,7 @@ class _ShiftedOps:
         self.cos = lambda angle: -ops.sin(angle)
 
 
-def shifted(ops: Ops) -> Ops:
+def shifted_ops(ops: Ops) -> Ops:
     """Return ``ops`` for angles measured from pi/2, the paper's beta_bar and gamma_bar.
 
     Eq. shifted coordinates defines them. With the result, every function of this module takes
@@ -127,7 +127,7 @@ def checked_speeds(omegas: object) -> list[Fraction]:
     return [checked_speed(omega) for omega in as_list(omegas)]
 
 
-class Terms(NamedTuple):
+class EquationTerms(NamedTuple):
     """The terms of the paper's equation of motion at one state, in SI units.
 
     They satisfy M v' - h = f_G + w_y lambda_Ty (Eq. 3DOF).
@@ -136,13 +136,15 @@ class Terms(NamedTuple):
     mass: Any  #: M [kg m^2], Eq. MassMatrix_3DOF
     gyroscopic: Any  #: h [N m], Eq. GyroVector_3DOF
     gravity: Any  #: f_G [N m], Eq. force_3DOF
-    direction: Any  #: w_y [m], Eq. gendir_3DOF
+    force_direction: Any  #: w_y [m], Eq. gendir_3DOF
     #: gamma_y [m/s], Eq. gamma_y_3DOF with its sin(beta)^2 read as (sin beta)^2
     sliding_velocity: Any
     gyroscopic_terms: tuple[Any, ...]  #: h_1 ... h_5 [N m], the terms of h in the paper's order
 
 
-def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any) -> Terms:
+def equation_terms(
+    ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: Any
+) -> EquationTerms:
     """Return the terms of the equation of motion at a state as the paper writes them: M, h and its
     terms, f_G, w_y and gamma_y.
 
@@ -163,19 +165,19 @@ def terms(ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, v: 
     h_3 = m * (rho * rho) * (v * v) * sin_b * cos_b
     h_4 = m * e * rho * (omega * omega) * sin_b * (cos_b * (cos_b * cos_b)) * sin_g
     h_5 = -m * e * rho * (3 * (sin_b * sin_b) - 2) * omega * v * cos_b * cos_g
-    return Terms(
+    return EquationTerms(
         mass=inertia + m * (rho * rho) * (cos_b * cos_b),
         gyroscopic=h_1 + h_2 + h_3 + h_4 + h_5,
         gravity=-m * g * rho * cos_b,
-        direction=rho * sin_b,
+        force_direction=rho * sin_b,
         sliding_velocity=rho * v * sin_b - e * omega * (sin_b * sin_b) * cos_g,
         gyroscopic_terms=(h_1, h_2, h_3, h_4, h_5),
     )
 
 
-def field(
+def vector_field(
     ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
-) -> Field:
+) -> VectorField:
     """Return the vector field of the motion, a function ``(beta, gamma, v) -> (beta', gamma', v')``
     (Eq. 3DOF).
 
@@ -203,7 +205,7 @@ def field(
     twice_asymmetry = asymmetry + asymmetry
     law, plain = law_of(friction), getattr(ops, "plain", ops)
 
-    def vector_field(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
+    def evaluate(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
         sin_b, cos_b, sin_g, cos_g = sin(beta), cos(beta), sin(gamma), cos(gamma)
         rho = r + e * sin_g
         lever = rho * cos_b
@@ -221,11 +223,11 @@ def field(
         )
         # w_y gamma_y = rho sin^2(beta) * slip, and rho sin^2(beta) = rho - rho cos^2(beta).
         slip = sweep - e_omega * (sin_b * cos_g)  # gamma_y / sin(beta)
-        grip = (rho - rho_cos2) * slip
-        resistance = law.resistance(plain, constants, side, grip, sin_b, slip, rho)
-        return v, -(omega * cos_b), (cos_b * drive - resistance) / mass
+        w_y_gamma_y = (rho - rho_cos2) * slip
+        friction_term = law.friction_term(plain, constants, side, w_y_gamma_y, sin_b, slip, rho)
+        return v, -(omega * cos_b), (cos_b * drive - friction_term) / mass
 
-    return vector_field
+    return evaluate
 
 
 def jacobian(
@@ -235,11 +237,11 @@ def jacobian(
     gamma', v')/d(beta, gamma, v)``.
 
     The rows of its value are tuples. It is differentiated by hand, and kept in one piece so that
-    each line can be compared with the line of `field` that it differentiates. At gamma_y = 0 a law
-    with two sides is continuously differentiable.
+    each line can be compared with the line of `vector_field` that it differentiates. At gamma_y = 0
+    a law with two sides is continuously differentiable.
 
     Args:
-        ops, constants, omega, friction, side: As for `field`.
+        ops, constants, omega, friction, side: As for `vector_field`.
     """
     sin, cos = ops.sin, ops.cos
     r, e, b, g = constants.r, constants.e, constants.b, constants.g
@@ -274,23 +276,23 @@ def jacobian(
 
         slip = sweep - e_omega * (sin_b * cos_g)
         slip_b, slip_g = -e_omega * cos_b * cos_g, rho_g * v + e_omega * sin_b * sin_g
-        arm, arm_b, arm_g = rho * sin_b, rho * cos_b, rho_g * sin_b  # w_y
-        sliding = sin_b * slip  # gamma_y
-        sliding_b, sliding_g, sliding_v = cos_b * slip + sin_b * slip_b, sin_b * slip_g, sin_b * rho
-        braking = law.deceleration(plain, sliding, constants, side)
-        steepness = arm * law.slope_at(plain, sliding, constants, side)
-        resistance = arm * braking
-        resist_b = arm_b * braking + steepness * sliding_b
-        resist_g = arm_g * braking + steepness * sliding_g
-        resist_v = steepness * sliding_v
-        total = (cos_b * drive - resistance) / mass
+        w_y, w_y_b, w_y_g = rho * sin_b, rho * cos_b, rho_g * sin_b
+        gamma_y = sin_b * slip
+        gamma_y_b, gamma_y_g, gamma_y_v = cos_b * slip + sin_b * slip_b, sin_b * slip_g, sin_b * rho
+        deceleration = law.deceleration(plain, gamma_y, constants, side)
+        friction_slope = w_y * law.deceleration_slope(plain, gamma_y, constants, side)
+        friction_term = w_y * deceleration
+        friction_b = w_y_b * deceleration + friction_slope * gamma_y_b
+        friction_g = w_y_g * deceleration + friction_slope * gamma_y_g
+        friction_v = friction_slope * gamma_y_v
+        acceleration = (cos_b * drive - friction_term) / mass
         return (
             (0 * v, 0 * v, 1 + 0 * v),
             (omega * sin_b, 0 * v, 0 * v),
             (
-                (cos_b * drive_b - sin_b * drive - resist_b - total * mass_b) / mass,
-                (cos_b * drive_g - resist_g - total * mass_g) / mass,
-                (cos_b * drive_v - resist_v) / mass,
+                (cos_b * drive_b - sin_b * drive - friction_b - acceleration * mass_b) / mass,
+                (cos_b * drive_g - friction_g - acceleration * mass_g) / mass,
+                (cos_b * drive_v - friction_v) / mass,
             ),
         )
 

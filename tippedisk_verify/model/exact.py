@@ -22,17 +22,17 @@ from tippedisk_verify.errors import InputError
 __all__ = [
     "PI",
     "Approximate",
-    "Binary",
+    "BinaryFloat",
     "Exact",
     "as_list",
     "exact",
     "fraction",
     "integer_between",
-    "long_fraction",
     "mantissa_exponent",
+    "parse_long_fraction",
     "plain_number",
-    "quotient",
-    "refuse_qualified",
+    "rational_in_context",
+    "refuse_units_and_masks",
     "short_text",
 ]
 
@@ -79,7 +79,7 @@ class Exact:
     __radd__ = __add__
     __rmul__ = __mul__
 
-    def enclosed(self, working_bits: int) -> tuple[Fraction, Fraction]:
+    def bounds(self, working_bits: int) -> tuple[Fraction, Fraction]:
         """Return rational lower and upper bounds of this exact number, which may contain a multiple
         of pi.
 
@@ -130,14 +130,14 @@ class Approximate:
         def uncertainty(self) -> Fraction: ...
 
 
-class Binary(NamedTuple):
+class BinaryFloat(NamedTuple):
     """An exact floating-point number, ``mantissa * 2**exponent``, both integers."""
 
     mantissa: int
     exponent: int
 
 
-def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
+def plain_number(value: object) -> Exact | BinaryFloat | Decimal | float | str:
     """Convert an object of any kind to the real number that it stands for. This is the only place
     that decides what a number is.
 
@@ -164,23 +164,23 @@ def plain_number(value: object) -> Exact | Binary | Decimal | float | str:
             too.
     """
     kind = type(value)
-    if kind in (float, str, Decimal, Exact, Binary):
+    if kind in (float, str, Decimal, Exact, BinaryFloat):
         return value  # type: ignore[return-value]
     if kind in (int, Fraction):
         return Exact(Fraction(value))  # type: ignore[call-overload]
     if isinstance(value, Approximate):
         return Exact(value.value)
-    refuse_qualified(value)
+    refuse_units_and_masks(value)
     if isinstance(value, bool | complex | None):
         raise InputError(f"a real number is needed, not {short_text(value)}")
     for base in (str, float, Decimal):
         if isinstance(value, base):
             return base(value)
-    found = _binary(value)
+    found = _binary_float(value)
     return _unwrapped(value) if found is None else found
 
 
-def refuse_qualified(value: Any) -> None:
+def refuse_units_and_masks(value: Any) -> None:
     """Raise InputError for a quantity with a unit, a masked value, or an array with such elements.
 
     Args:
@@ -189,7 +189,7 @@ def refuse_qualified(value: Any) -> None:
     Raises:
         InputError: If the value is such an object.
     """
-    if not _can_be_qualified(type(value)):  # type: ignore[arg-type]
+    if not _may_have_unit_or_mask(type(value)):  # type: ignore[arg-type]
         return
     if any(hasattr(value, name) for name in _UNIT_ATTRIBUTES):
         raise InputError(_HAS_UNIT.format(short_text(value)))
@@ -199,7 +199,7 @@ def refuse_qualified(value: Any) -> None:
 
 
 @lru_cache(maxsize=256)
-def _can_be_qualified(kind: type) -> bool:
+def _may_have_unit_or_mask(kind: type) -> bool:
     """Return True if objects of a class can have a unit or a mask.
 
     The class has such attributes, or its objects have attributes of their own.
@@ -208,7 +208,7 @@ def _can_be_qualified(kind: type) -> bool:
     return own or any(hasattr(kind, name) for name in (*_UNIT_ATTRIBUTES, "mask", "__getattr__"))
 
 
-def _binary(value: Any) -> Binary | float | None:
+def _binary_float(value: Any) -> BinaryFloat | float | None:
     """Convert a float of NumPy, heyoka, mpmath or a similar package to mantissa and exponent.
 
     Returns NaN if it is not finite, and None for any other object. Raises InputError for a ball
@@ -223,7 +223,7 @@ def _binary(value: Any) -> Binary | float | None:
         if not numpy.isfinite(value):
             return math.nan
         mantissa, exponent = numpy.frexp(value)
-        return Binary(int(numpy.ldexp(mantissa, 64)), int(exponent) - 64)
+        return BinaryFloat(int(numpy.ldexp(mantissa, 64)), int(exponent) - 64)
     if hasattr(value, "rad") and value.rad() != 0:
         raise InputError(f"a number is needed, not the ball {short_text(value)}: give its midpoint")
     parts = None if callable(value) else getattr(value, "_mpf_", None)
@@ -232,10 +232,10 @@ def _binary(value: Any) -> Binary | float | None:
     sign, mantissa, exponent, _ = parts
     if not mantissa and exponent:
         return math.nan
-    return Binary(-int(mantissa) if sign else int(mantissa), int(exponent))
+    return BinaryFloat(-int(mantissa) if sign else int(mantissa), int(exponent))
 
 
-def _unwrapped(value: Any) -> Exact | Binary | Decimal | float | str:
+def _unwrapped(value: Any) -> Exact | BinaryFloat | Decimal | float | str:
     """Return the content of an array of one element or of another package's scalar.
 
     Other objects are read as integers or as ratios of integers.
@@ -274,7 +274,7 @@ def as_list(values: object) -> list[Any]:
     Raises:
         InputError: If the array has a unit or masked elements, as in `refuse_qualified`.
     """
-    refuse_qualified(values)
+    refuse_units_and_masks(values)
     single = (
         isinstance(values, str | bytes)
         or getattr(values, "shape", None) == ()
@@ -327,7 +327,7 @@ def fraction(value: object) -> Fraction:
     return number.rational
 
 
-def long_fraction(text: str) -> Fraction:
+def parse_long_fraction(text: str) -> Fraction:
     """Return the number of a decimal or a ratio of any length, as `decimals.exact_text` writes it.
 
     Args:
@@ -343,7 +343,7 @@ def long_fraction(text: str) -> Fraction:
     return numerator / denominator
 
 
-def quotient(ctx: Any, value: Fraction) -> Any:
+def rational_in_context(ctx: Any, value: Fraction) -> Any:
     """Convert a rational number to a number of an mpmath context, by one division of integers.
 
     Args:
@@ -432,7 +432,7 @@ def _round_with_pi(number: Exact, mantissa_bits: int) -> tuple[int, int]:
     working = mantissa_bits + 64
     # Ziv's loop: pi is irrational, so the two ends round alike once there are enough bits
     while True:
-        low, high = (_round_fraction(end, mantissa_bits) for end in number.enclosed(working))
+        low, high = (_round_fraction(end, mantissa_bits) for end in number.bounds(working))
         if low == high:
             return low
         working *= 2
@@ -455,7 +455,7 @@ def _round_fraction(value: Fraction, mantissa_bits: int) -> tuple[int, int]:
 PI = Exact(Fraction(0), Fraction(1))
 
 
-def mantissa_exponent(value: object) -> Binary | None:
+def mantissa_exponent(value: object) -> BinaryFloat | None:
     """Return a floating-point number as integers, exactly; None for infinities and NaN.
 
     The result satisfies ``value = mantissa * 2**exponent``.
@@ -471,17 +471,17 @@ def mantissa_exponent(value: object) -> Binary | None:
         if not math.isfinite(number):
             return None
         numerator, denominator = number.as_integer_ratio()
-        return Binary(numerator, 1 - denominator.bit_length())
-    if isinstance(number, Binary):
+        return BinaryFloat(numerator, 1 - denominator.bit_length())
+    if isinstance(number, BinaryFloat):
         return number
     raise InputError(f"a floating-point number is needed, not {short_text(value)}")
 
 
-def _heyoka_mantissa(value: Any, precision_bits: int) -> Binary | float:
+def _heyoka_mantissa(value: Any, precision_bits: int) -> BinaryFloat | float:
     if value != value or value - value != 0:
         return math.nan
     if value == 0:
-        return Binary(0, 0)
+        return BinaryFloat(0, 0)
     size = abs(float(value))
     # A shift that is too large only adds zero bits at the end; one that is too small loses bits.
     if 1e-290 < size < 1e290:
@@ -493,4 +493,4 @@ def _heyoka_mantissa(value: Any, precision_bits: int) -> Binary | float:
     shift = precision_bits + 2 - magnitude
     half = shift // 2  # two factors: neither power leaves the exponent range
     two = type(value)(2, precision_bits) if hasattr(value, "prec") else type(value)(2)
-    return Binary(int(value * two**half * two ** (shift - half)), -shift)
+    return BinaryFloat(int(value * two**half * two ** (shift - half)), -shift)

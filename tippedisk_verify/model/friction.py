@@ -26,7 +26,7 @@ from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.exact import fraction, short_text
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 
 __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used", "law_of"]
 
@@ -62,7 +62,7 @@ class FrictionLaw:
     positive gamma_y. It is one expression for every kind of number: floats, arrays, expressions of
     heyoka, numbers of mpmath.
 
-    - ``ops`` has the functions that `precision.FUNCTIONS` lists. Apply them to expressions of
+    - ``ops`` has the functions that `precision.FUNCTION_NAMES` lists. Apply them to expressions of
       ``gamma_y`` and ``c``: a function of a plain number, such as ``ops.sqrt(2)``, is rounded to a
       double.
     - ``c`` has the parameters m, g, mu and epsilon, and pi.
@@ -93,10 +93,10 @@ class FrictionLaw:
     two_sided: bool = False
     slope: Callable[[Any], Any] = _default_slope
     #: the values of the force when the law was made; a disk refuses a law whose values have changed
-    values: tuple[Any, ...] = field(default=(), init=False, repr=False)
+    probe_forces: tuple[Any, ...] = field(default=(), init=False, repr=False)
 
     is_linear: ClassVar[bool] = False
-    has_guard: ClassVar[bool] = True  #: see `guard`
+    has_guard: ClassVar[bool] = True  #: see `guard_rate`
 
     def __post_init__(self) -> None:
         name = self.name
@@ -109,9 +109,9 @@ class FrictionLaw:
             raise InputError(f"two_sided is True or False, not {short_text(self.two_sided)}")
         if name in get_args(Friction) and type(self) is FrictionLaw:
             raise InputError(f"'{name}' is one of the paper's laws: choose another name")
-        object.__setattr__(self, "values", self.values_now())
+        object.__setattr__(self, "probe_forces", self.force_at_probes())
 
-    def values_now(self) -> tuple[Any, ...]:
+    def force_at_probes(self) -> tuple[Any, ...]:
         """Return the force of the friction law at some sliding velocities, with constants of value
         1.
 
@@ -141,7 +141,7 @@ class FrictionLaw:
         """
         return (*constants_used(self.force), *_GUARD_CONSTANTS)
 
-    def guard(self, ops: Any, gamma_y: Any, c: Any) -> Any:
+    def guard_rate(self, ops: Any, gamma_y: Any, c: Any) -> Any:
         """Return the rate of a variable that shows an integrator where the law bends.
 
         A law such as the hyperbolic tangent is constant to rounding at large sliding velocities.
@@ -190,7 +190,7 @@ class FrictionLaw:
         """
         return -self(ops, gamma_y, c, side) / c.m
 
-    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+    def deceleration_slope(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         """Return the derivative of `deceleration` with respect to the sliding velocity [1/s].
 
         heyoka differentiates an expression and mpmath its own numbers. Elsewhere the derivative
@@ -206,7 +206,9 @@ class FrictionLaw:
         if getattr(getattr(gamma_y, "dtype", None), "kind", None) == "O":
             import numpy
 
-            return numpy.array([self.slope_at(ops, velocity, c, side) for velocity in gamma_y])
+            return numpy.array(
+                [self.deceleration_slope(ops, velocity, c, side) for velocity in gamma_y]
+            )
         sign = 1 - 2 * (gamma_y < 0) if side is None else side
         if hasattr(gamma_y, "context"):
             return gamma_y.context.diff(
@@ -217,21 +219,21 @@ class FrictionLaw:
             self.deceleration(cmath if ops is math else ops, moved, c, sign).imag / _IMAGINARY_STEP
         )
 
-    def resistance(
-        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    def friction_term(
+        self, ops: Any, c: Any, side: Any, w_y_gamma_y: Any, sin_b: Any, slip: Any, rho: Any
     ) -> Any:
         """Return the friction term of the equation of motion, -w_y lambda_Ty / m [m^2/s^2].
 
         Args:
             ops, c, side: As for a call.
-            grip: w_y gamma_y [m^2/s].
+            w_y_gamma_y: w_y gamma_y [m^2/s].
             sin_b: sin(beta).
             slip: gamma_y / sin(beta) [m/s].
             rho: r + e sin(gamma) [m]; w_y is rho sin(beta).
         """
         return self.deceleration(ops, sin_b * slip, c, side) * (rho * sin_b)
 
-    def near_zero(
+    def taylor_polynomial(
         self, parameters: Any, working_bits: int, order: int, side: Any, number: Callable[..., Any]
     ) -> FrictionLaw:
         """Return a friction law whose deceleration is the Taylor polynomial of this law's at
@@ -291,8 +293,8 @@ def _taylor_coefficients(
     """
     finest = Fraction(parameters.epsilon)  # the force varies on the scale of epsilon
     spare = 64 + max(0, finest.denominator.bit_length() - finest.numerator.bit_length())
-    ctx = bits(working_bits + spare).context
-    c = parameters.within(ctx)
+    ctx = precision_of_bits(working_bits + spare).context
+    c = parameters.constants_in_context(ctx)
     terms = ctx.taylor(lambda x: -law.force(ctx, x, c) / c.m, 0, order)
     return tuple(
         Fraction(0) if power % 2 == 0 and not law.two_sided else fraction(terms[power])
@@ -310,15 +312,15 @@ class _Linear(FrictionLaw):
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return c.k * gamma_y
 
-    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+    def deceleration_slope(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return c.k
 
-    def resistance(
-        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    def friction_term(
+        self, ops: Any, c: Any, side: Any, w_y_gamma_y: Any, sin_b: Any, slip: Any, rho: Any
     ) -> Any:
-        return c.k * grip
+        return c.k * w_y_gamma_y
 
-    def near_zero(self, *args: Any) -> FrictionLaw:
+    def taylor_polynomial(self, *args: Any) -> FrictionLaw:
         return self
 
 
@@ -332,22 +334,22 @@ class _SmoothCoulomb(FrictionLaw):
     def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return self.force(ops, gamma_y, c)  # at either sign
 
-    def _yielding(self, gamma_y: Any, c: Any, side: Any) -> Any:
+    def _speed_plus_epsilon(self, gamma_y: Any, c: Any, side: Any) -> Any:
         return (abs(gamma_y) if side is None else side * gamma_y) + c.epsilon
 
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        return c.traction * gamma_y / self._yielding(gamma_y, c, side)
+        return c.traction * gamma_y / self._speed_plus_epsilon(gamma_y, c, side)
 
-    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        yielding = self._yielding(gamma_y, c, side)
+    def deceleration_slope(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+        yielding = self._speed_plus_epsilon(gamma_y, c, side)
         return c.traction * c.epsilon / (yielding * yielding)
 
-    def resistance(
-        self, ops: Any, c: Any, side: Any, grip: Any, sin_b: Any, slip: Any, rho: Any
+    def friction_term(
+        self, ops: Any, c: Any, side: Any, w_y_gamma_y: Any, sin_b: Any, slip: Any, rho: Any
     ) -> Any:
-        return c.traction * grip / self._yielding(sin_b * slip, c, side)
+        return c.traction * w_y_gamma_y / self._speed_plus_epsilon(sin_b * slip, c, side)
 
-    def near_zero(self, *args: Any) -> FrictionLaw:
+    def taylor_polynomial(self, *args: Any) -> FrictionLaw:
         return self
 
 
@@ -376,7 +378,7 @@ class _Polynomial(FrictionLaw):
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         return gamma_y * self._sum(self.terms, gamma_y)
 
-    def slope_at(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
+    def deceleration_slope(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
         slopes = tuple(power * term for power, term in enumerate(self.terms, start=1))
         return self._sum(slopes, gamma_y)
 

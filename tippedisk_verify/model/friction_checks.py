@@ -8,9 +8,15 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import FORCE_CONSTANTS, FrictionLaw, constants_used
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion, heyoka_types
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    EXTENDED,
+    heyoka_types,
+    precision_of_bits,
+    wider_precision,
+)
 
 __all__ = ["refuse_unusable"]
 
@@ -46,7 +52,7 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
         InputError: If the force cannot be computed or compiled, or a check fails.
     """
     problem = f"the friction law '{law}'"
-    if law.values != law.values_now():
+    if law.probe_forces != law.force_at_probes():
         raise InputError(f"{problem} has changed since it was made: make a new FrictionLaw")
     try:
         constants_used(law.force)  # raises AttributeError for others
@@ -71,11 +77,11 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
 
     Also refuse a force with a constant that is rounded to a double.
     """
-    ctx, wide = bits(_CHECK_BITS).context, companion(EXTENDED)
-    c, wide_c = parameters.within(ctx), parameters.at(wide)
+    ctx, wide = precision_of_bits(_CHECK_BITS).context, wider_precision(EXTENDED)
+    c, wide_c = parameters.constants_in_context(ctx), parameters.constants_in(wide)
     velocities = [share * parameters.epsilon for share in _VELOCITIES]
-    forward = [law.deceleration(ctx, quotient(ctx, x), c) for x in velocities]
-    backward = [law.deceleration(ctx, -quotient(ctx, x), c) for x in velocities]
+    forward = [law.deceleration(ctx, rational_in_context(ctx, x), c) for x in velocities]
+    backward = [law.deceleration(ctx, -rational_in_context(ctx, x), c) for x in velocities]
     if not all(ctx.isfinite(rate) for rate in forward + backward):
         raise InputError(f"{problem} has a force that is not a finite number")
     if not all(rate > 0 for rate in forward):
@@ -86,7 +92,7 @@ def _refuse_values(law: FrictionLaw, parameters: Any, problem: str) -> None:
         for plus, minus in zip(forward, backward, strict=True)
     ):
         raise InputError(f"{problem} is not odd in the sliding velocity")
-    slope = law.slope_at(ctx, ctx.zero, c, 1)
+    slope = law.deceleration_slope(ctx, ctx.zero, c, 1)
     if not abs(slope - c.k) <= _SLOPE_TOLERANCE * slope:
         raise InputError(
             f"{problem} has the slope {float(slope * c.m):.10g} N s/m at zero, which differs from "
@@ -111,7 +117,7 @@ def _refuse_narrow_features(law: FrictionLaw, parameters: Any, problem: str) -> 
     import numpy
     from numpy.polynomial import chebyshev
 
-    c, nodes = parameters.at(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
+    c, nodes = parameters.constants_in(DOUBLE), chebyshev.chebpts1(_DEGREE + 1)
     low, high = (math.log(share * c.traction / c.k) for share in _SCAN_RANGE)
     middles = numpy.arange(low, high, _LENGTH)[:, None]
     between = numpy.linspace(-1, 1, _PLACES)

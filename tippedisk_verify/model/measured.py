@@ -17,13 +17,13 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.decimals import (
-    arithmetic,
+    decimal_arithmetic,
     decimal_magnitude,
     exact_decimals,
     round_to_place,
-    rounded_up,
+    round_up,
 )
-from tippedisk_verify.model.exact import Approximate, fraction, quotient, short_text
+from tippedisk_verify.model.exact import Approximate, fraction, rational_in_context, short_text
 
 __all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 
@@ -86,9 +86,9 @@ class Bounded(Approximate):
         """Return the value as an mpmath number, rounded to mpmath's current precision."""
         import mpmath
 
-        return quotient(mpmath.mp, self.value)
+        return rational_in_context(mpmath.mp, self.value)
 
-    @arithmetic()
+    @decimal_arithmetic()
     def __format__(self, spec: str) -> str:
         """Return the value formatted by ``spec``, such as '.10g'; without one, as ``str``.
 
@@ -261,7 +261,7 @@ class Bounded(Approximate):
             theirs = Measured(theirs.value, abs(theirs.value) / 2**53 + Fraction(1, 2**1075))
         return NotImplemented if theirs is None else theirs**self
 
-    def _of(self, name: str) -> Measured:
+    def _function_value(self, name: str) -> Measured:
         """Return a function of this number with a half-width: sqrt, log, exp, sin or cos, as
         ``name`` tells.
 
@@ -284,11 +284,11 @@ class Bounded(Approximate):
                 return Measured(middle, width)
             bits, before = 2 * bits, width
 
-    sqrt = partialmethod(_of, "sqrt")
-    log = partialmethod(_of, "log")
-    exp = partialmethod(_of, "exp")
-    sin = partialmethod(_of, "sin")
-    cos = partialmethod(_of, "cos")
+    sqrt = partialmethod(_function_value, "sqrt")
+    log = partialmethod(_function_value, "log")
+    exp = partialmethod(_function_value, "exp")
+    sin = partialmethod(_function_value, "sin")
+    cos = partialmethod(_function_value, "cos")
 
     def tan(self) -> Measured:
         """Return the tangent of this number, with a half-width.
@@ -318,7 +318,7 @@ class HalfWidth(Fraction):
     def __format__(self, spec: str) -> str:
         if self >= _UNMEASURED:
             return "infinite"
-        with arithmetic(50, ROUND_UP):
+        with decimal_arithmetic(50, ROUND_UP):
             return format(Decimal(self.numerator) / Decimal(self.denominator), spec)
 
 
@@ -437,7 +437,7 @@ class Measured(Bounded):
         # Two digits beyond the leading digit of the half-width: the rounding adds at most 5 % to
         # it.
         text, change = round_to_place(self.value, decimal_magnitude(self.uncertainty) - 2)
-        return text, rounded_up(self.uncertainty + change)
+        return text, round_up(self.uncertainty + change)
 
     def to_dict(self) -> dict[str, str | None]:
         """Return value and half-width as decimal texts, ``{"value": "<decimal>", "uncertainty":

@@ -23,7 +23,7 @@ from typing import Any, NamedTuple, NoReturn
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import output_file, read_bytes, write_text
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import PI, fraction, quotient, short_text
+from tippedisk_verify.model.exact import PI, fraction, rational_in_context, short_text
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
 from tippedisk_verify.model.friction_checks import refuse_unusable
 from tippedisk_verify.model.measured import Measured
@@ -112,25 +112,25 @@ class Parameters(Printable):
         default_factory=dict, init=False, repr=False, compare=False
     )
 
-    def _given(self) -> dict[str, Any]:
+    def _constructor_arguments(self) -> dict[str, Any]:
         """Return the constructor's arguments of this disk by name."""
         return {item.name: getattr(self, item.name) for item in fields(self) if item.init}
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return partial(type(self), **self._given()), ()
+        return partial(type(self), **self._constructor_arguments()), ()
 
-    def _equations(self) -> tuple[object, ...]:
+    def _defining_values(self) -> tuple[object, ...]:
         return (*(getattr(self, name) for name in SYMBOLS), self.friction)
 
     def __eq__(self, other: object) -> bool:
         return (
-            self._equations() == other._equations()
+            self._defining_values() == other._defining_values()
             if isinstance(other, Parameters)
             else NotImplemented
         )
 
     def __hash__(self) -> int:
-        return hash(self._equations())
+        return hash(self._defining_values())
 
     def __post_init__(self) -> None:
         faults = []
@@ -181,7 +181,7 @@ class Parameters(Printable):
         """
         return self.B - self.m * self.e**2
 
-    def at(self, precision: Precision) -> Constants:
+    def constants_in(self, precision: Precision) -> Constants:
         """Return the disk's parameters as numbers of the arithmetic ``precision``, each rounded
         once.
 
@@ -193,20 +193,22 @@ class Parameters(Printable):
         constants = self._constants.get(precision)
         if constants is None:
             constants = self._constants[precision] = Constants(
-                *map(precision.number, self.rational())
+                *map(precision.number, self.rational_constants())
             )
         return constants
 
-    def within(self, ctx: Any) -> Constants:
+    def constants_in_context(self, ctx: Any) -> Constants:
         """Return the disk's parameters as numbers of an mpmath context.
 
         Args:
             ctx: The mpmath context.
         """
-        *rational, _ = self.rational()
-        return Constants(*(quotient(ctx, value) for value in rational))._replace(pi=+ctx.pi)
+        *rational, _ = self.rational_constants()
+        return Constants(*(rational_in_context(ctx, value) for value in rational))._replace(
+            pi=+ctx.pi
+        )
 
-    def rational(self) -> Constants:
+    def rational_constants(self) -> Constants:
         """Return the disk's parameters as exact rationals, and pi as the exact number `PI`."""
         return Constants(
             *(self.r, self.e, self.m, self.A, self.B, self.Bbar, self.g, self.mu, self.epsilon),
@@ -249,7 +251,7 @@ class Parameters(Printable):
         if not self.law.is_linear:
             self._refuse(what, "the linear friction law")
 
-    def refuse_two_sides(self, what: str) -> None:
+    def refuse_two_sided_law(self, what: str) -> None:
         """Raise InputError unless the friction law is analytic at gamma_y = 0.
 
         Args:

@@ -24,7 +24,7 @@ from tippedisk_verify.model.exact import (
     integer_between,
     mantissa_exponent,
     plain_number,
-    refuse_qualified,
+    refuse_units_and_masks,
     short_text,
 )
 
@@ -35,23 +35,23 @@ if TYPE_CHECKING:
 __all__ = [
     "DOUBLE",
     "EXTENDED",
-    "FUNCTIONS",
+    "FUNCTION_NAMES",
     "QUADRUPLE",
     "Precision",
-    "bits",
     "bits_for_digits",
     "checked_digits",
-    "companion",
     "heyoka_types",
     "precision_named",
     "precision_of",
+    "precision_of_bits",
+    "wider_precision",
 ]
 
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
 _MAX_DIGITS = 4_000
 _MAX_BITS = 4_000_000
 #: The functions of every namespace here. heyoka, math, NumPy and mpmath name them alike.
-FUNCTIONS = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
+FUNCTION_NAMES = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
 
 
 @dataclass(frozen=True)
@@ -92,7 +92,7 @@ class Precision:
         return int((self.bits - 1) * math.log10(2))
 
     @cached_property
-    def type(self) -> Any:
+    def number_type(self) -> Any:
         """The scalar type of numbers in this precision: float, numpy.longdouble, heyoka.real128 or
         heyoka.real.
         """
@@ -134,7 +134,7 @@ class Precision:
                     return self.number(result)
             return zero / 0
 
-        return SimpleNamespace(**{name: partial(function, name) for name in FUNCTIONS})
+        return SimpleNamespace(**{name: partial(function, name) for name in FUNCTION_NAMES})
 
     @property
     def context(self) -> Any:
@@ -158,7 +158,7 @@ class Precision:
             value: A number or text that `exact` accepts.
 
         Returns:
-            A number of this precision's `type`.
+            A number of this precision's `number_type`.
 
         Raises:
             InputError: If the value is not a finite number, or is too large for the type.
@@ -193,10 +193,10 @@ class Precision:
 
         if isinstance(values, str | bytes):
             raise InputError(f"a list of numbers is needed, not the text '{short_text(values)}'")
-        refuse_qualified(values)
-        return numpy.array([self.number(value) for value in values], dtype=self._element)
+        refuse_units_and_masks(values)
+        return numpy.array([self.number(value) for value in values], dtype=self._element_type)
 
-    def sequence(self, values: Any) -> Any:
+    def as_array(self, values: Any) -> Any:
         """Convert any sequence of numbers to an array of this precision, as `array` does.
 
         An array of this arithmetic is returned as it is, and one of doubles is converted exactly.
@@ -215,13 +215,13 @@ class Precision:
         # In arrays of other classes, such as masked arrays, each element is checked.
         plain = type(values) is numpy.ndarray and self.kind != "real"
         if plain and (
-            values.dtype in (self.type, float)
+            values.dtype in (self.number_type, float)
             or (self.kind == "double" and values.dtype.kind == "f")
         ):
-            return values.astype(self.type, copy=False)
+            return values.astype(self.number_type, copy=False)
         return self.array(values)
 
-    def owned(self, view: Any) -> Any:
+    def copy_array(self, view: Any) -> Any:
         """Return a copy of an array whose memory heyoka will overwrite.
 
         MPFR numbers are copied into an array of objects, because heyoka does not free the memory of
@@ -240,9 +240,9 @@ class Precision:
         return numpy.array(view.tolist(), dtype=object)
 
     @cached_property
-    def _element(self) -> Any:
+    def _element_type(self) -> Any:
         """The data type of the elements of an array of this precision."""
-        return object if self.kind == "real" else self.type
+        return object if self.kind == "real" else self.number_type
 
     def mpf(self, value: object) -> Any:
         """Convert a native number of this precision or a wider one to an mpmath number, exactly.
@@ -270,19 +270,23 @@ class Precision:
         if self.kind == "extended":
             import numpy
 
-            return numpy.ldexp(self.type(mantissa), exponent)
+            return numpy.ldexp(self.number_type(mantissa), exponent)
         if self.kind == "quadruple":
             # In two factors, so that the power itself neither overflows nor underflows.
             half = exponent // 2
-            return self.type(mantissa) * self.type(2) ** half * self.type(2) ** (exponent - half)
+            return (
+                self.number_type(mantissa)
+                * self.number_type(2) ** half
+                * self.number_type(2) ** (exponent - half)
+            )
         # The exponent, too, must be a number of these bits: heyoka reads a plain integer as one of
         # 64 bits. It is split in two, so that these bits hold each part.
         rest = exponent % (1 << 20)
         powers = (
-            self.type(2, self.bits) ** self.type(power, self.bits)
+            self.number_type(2, self.bits) ** self.number_type(power, self.bits)
             for power in (exponent - rest, rest)
         )
-        return self.type(mantissa, self.bits) * next(powers) * next(powers)
+        return self.number_type(mantissa, self.bits) * next(powers) * next(powers)
 
 
 DOUBLE = Precision("double", 53)
@@ -290,7 +294,7 @@ EXTENDED = Precision("extended", 64)
 QUADRUPLE = Precision("quadruple", 113)
 
 
-def bits(count: int) -> Precision:
+def precision_of_bits(count: int) -> Precision:
     """Return the arithmetic of MPFR numbers with ``count`` bits.
 
     Args:
@@ -317,7 +321,7 @@ def precision_named(name: str) -> Precision:
         ValueError: If there is no such arithmetic.
     """
     named = {precision.name: precision for precision in (DOUBLE, EXTENDED, QUADRUPLE)}
-    return named.get(name) or bits(int(name.removeprefix("real")))
+    return named.get(name) or precision_of_bits(int(name.removeprefix("real")))
 
 
 def precision_of(number: Any) -> Precision:
@@ -328,7 +332,9 @@ def precision_of(number: Any) -> Precision:
     """
     kinds = {"longdouble": EXTENDED, "real128": QUADRUPLE}
     return (
-        bits(number.prec) if hasattr(number, "prec") else kinds.get(type(number).__name__, DOUBLE)
+        precision_of_bits(number.prec)
+        if hasattr(number, "prec")
+        else kinds.get(type(number).__name__, DOUBLE)
     )
 
 
@@ -339,7 +345,7 @@ def bits_for_digits(digits: int) -> int:
         digits: The number of decimal digits.
 
     Raises:
-        InputError: If `bits` does not offer an arithmetic of that size.
+        InputError: If `precision_of_bits` does not offer an arithmetic of that size.
     """
     if not 1 <= digits <= _MAX_BITS / math.log2(10) - 1:
         raise InputError(f"an arithmetic of {short_text(digits)} digits is not offered")
@@ -370,7 +376,7 @@ def checked_digits(digits: object) -> int:
     return number
 
 
-def companion(precision: Precision) -> Precision:
+def wider_precision(precision: Precision) -> Precision:
     """Return the cheapest arithmetic of this machine with at least 11 bits more than ``precision``.
 
     A run repeated in it shows the rounding and truncation errors of the first run to two or three
@@ -382,8 +388,8 @@ def companion(precision: Precision) -> Precision:
     if precision.kind == "double" and _has_extended():
         return EXTENDED
     if precision.kind in ("double", "extended"):
-        return QUADRUPLE if hasattr(heyoka_types(), "real128") else bits(128)
-    return bits(precision.bits + 64)
+        return QUADRUPLE if hasattr(heyoka_types(), "real128") else precision_of_bits(128)
+    return precision_of_bits(precision.bits + 64)
 
 
 @lru_cache(maxsize=1)

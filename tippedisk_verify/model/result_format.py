@@ -29,7 +29,7 @@ from typing import Any
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.files import checked_file_path, read_text, write_text
 from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import Exact, exact, long_fraction
+from tippedisk_verify.model.exact import Exact, exact, parse_long_fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 
@@ -76,13 +76,13 @@ def read_number(entry: Any) -> Any:
         An `Exact`, a `Measured` if the entry has a half-width, or infinity.
     """
     if isinstance(entry, Mapping) and "value" in entry:
-        value, width = long_fraction(entry["value"]), read_number(entry["uncertainty"])
+        value, width = parse_long_fraction(entry["value"]), read_number(entry["uncertainty"])
         if width == math.inf:
             return Measured.without_half_width(value)
         return Measured(value, width.rational)
     if isinstance(entry, Mapping):
-        return Exact(long_fraction(entry["rational"]), long_fraction(entry["pi"]))
-    return math.inf if entry == _INFINITE else Exact(long_fraction(entry))
+        return Exact(parse_long_fraction(entry["rational"]), parse_long_fraction(entry["pi"]))
+    return math.inf if entry == _INFINITE else Exact(parse_long_fraction(entry))
 
 
 def write_saved(

@@ -22,13 +22,13 @@ __all__ = [
     "Printable",
     "QuantityMeaning",
     "as_json",
+    "column_heading",
     "data_frame",
     "half_width_in_double",
-    "heading",
+    "numbers_as_json",
     "quantities",
     "quantity",
     "result_lines",
-    "with_widths",
 ]
 
 _MAX_REPR_LINES = 10
@@ -150,7 +150,7 @@ class Printable:
 
     def _repr_html_(self) -> str:
         """Return the result as an HTML table for notebooks."""
-        cells = ((heading(name), _cell(entry)) for name, entry in self._brief().items())
+        cells = ((column_heading(name), _cell(entry)) for name, entry in self._brief().items())
         rows = "".join(
             f"<tr><th>{escape(name)}</th><td>{escape(text)}</td></tr>" for name, text in cells
         )
@@ -227,7 +227,7 @@ def as_json(value: Any) -> Any:
     return str(value) if type(bare) is type(value) else as_json(bare)
 
 
-def with_widths(values: Any, widths: Any) -> Any:
+def numbers_as_json(values: Any, widths: Any) -> Any:
     """Convert numbers and their half-widths to data for JSON, in lists of the arrays' shape.
 
     Args:
@@ -239,7 +239,7 @@ def with_widths(values: Any, widths: Any) -> Any:
         uncertainty is None if the half-width is infinite.
     """
     if hasattr(values, "__len__"):
-        return [with_widths(*pair) for pair in zip(values, widths, strict=True)]
+        return [numbers_as_json(*pair) for pair in zip(values, widths, strict=True)]
     # str() of NumPy's numbers depends on the caller's print options
     if not math.isfinite(widths):
         number = plain_number(values)
@@ -292,7 +292,7 @@ def _cells_in_doubles(row: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
             yield name, cell
 
 
-def heading(name: str) -> str:
+def column_heading(name: str) -> str:
     """Return a quantity's name, followed by its unit in brackets if it has one.
 
     Args:
@@ -320,13 +320,13 @@ def result_lines(entries: dict[str, Any], indent: str = "") -> Iterator[str]:
             for number, entry in enumerate(value, 1):
                 yield from result_lines({f"{name} {number}": entry}, indent)
         elif isinstance(value, dict) and not _measured(value):
-            yield f"{indent}{heading(name)}:"
+            yield f"{indent}{column_heading(name)}:"
             yield from result_lines(value, indent + "  ")
         elif isinstance(value, list) and len(value) > 1:
-            yield f"{indent}{heading(name)}:"
+            yield f"{indent}{column_heading(name)}:"
             yield from (f"{indent}  {_cell(entry)}" for entry in value)
         else:
-            yield f"{indent}{heading(name)}: {_cell(value)}"
+            yield f"{indent}{column_heading(name)}: {_cell(value)}"
 
 
 def _measured(value: Any) -> bool:

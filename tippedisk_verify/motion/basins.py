@@ -23,7 +23,7 @@ import numpy
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at, rotating_cycle
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_batch_engine, default_engine
-from tippedisk_verify.flow.batch import field_constants
+from tippedisk_verify.flow.batch import equation_constants
 from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Request, Status
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.decimals import exact_text
@@ -293,7 +293,7 @@ def _run(
     events = (_FLAT, _SECTION, _TOP_OR_BOTTOM) if record else (_FLAT,)
     count = len(now)
     batch = default_batch_engine()(
-        field_constants(parameters),
+        equation_constants(parameters),
         numpy.full(count, float(omega)),
         now,
         numpy.full(count, duration),

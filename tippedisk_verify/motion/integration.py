@@ -28,18 +28,18 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
-from tippedisk_verify.flow.system import by_constants
-from tippedisk_verify.model.arrays import half_widths, numpy_safe, round_to_doubles
+from tippedisk_verify.flow.system import constant_derivatives
+from tippedisk_verify.model.arrays import half_widths_in_doubles, numpy_safe, round_to_doubles
 from tippedisk_verify.model.exact import Exact, as_list, exact, short_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     EXTENDED,
     Precision,
-    bits,
     bits_for_digits,
     checked_digits,
-    companion,
+    precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
@@ -95,7 +95,9 @@ class Motion:
         measured = half_widths and engine.measures_error
         corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
         precision = (
-            DOUBLE if corrected or digits <= PLAIN_DIGITS else bits(bits_for_digits(digits + 8))
+            DOUBLE
+            if corrected or digits <= PLAIN_DIGITS
+            else precision_of_bits(bits_for_digits(digits + 8))
         )
         times: Any = None
         self._times: Any = None  # exact, from time 0
@@ -103,7 +105,7 @@ class Motion:
             self._times, times = since_start(start, end, as_list(t_eval))
         elif length := float(end - start):
             self._times = EvenTimes(start, end, _SAMPLES)
-            extended = companion(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
+            extended = wider_precision(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
             quick = corrected and extended and abs(length) > _MIN_DURATION
             times = EvenTimes(exact(0), end - start, _SAMPLES)
             if quick:
@@ -113,7 +115,7 @@ class Motion:
         self._variables = [
             variable for name in _several(variations) for variable in _named(name, _VARIABLES)
         ]
-        slopes = by_constants(parameters) if self._variables else {}
+        slopes = constant_derivatives(parameters) if self._variables else {}
         self.request = Request(
             parameters,
             omega,
@@ -182,7 +184,7 @@ class Motion:
             times = (
                 asked.rounded(precision)
                 if isinstance(asked, EvenTimes)
-                else precision.sequence(asked)
+                else precision.as_array(asked)
             )
             uncertainty = (
                 numpy.full(samples.shape, numpy.inf) if error.samples is None else error.samples
@@ -202,7 +204,7 @@ class Motion:
             omega=request.omega,
             t=numpy_safe(times),
             y=numpy_safe(samples.T),
-            uncertainty=half_widths(uncertainty.T),
+            uncertainty=half_widths_in_doubles(uncertainty.T),
             status=result.status,
             end=end,
             events=tuple(self._since_zero(record, precision) for record in events),
@@ -238,7 +240,11 @@ def _rounded_even_times(length: Exact) -> Any:
     """Return `_SAMPLES` even times from 0 to a length [s], in the extended numbers of the error
     estimate.
     """
-    return numpy.arange(_SAMPLES).astype(EXTENDED.type) * EXTENDED.number(length) / (_SAMPLES - 1)
+    return (
+        numpy.arange(_SAMPLES).astype(EXTENDED.number_type)
+        * EXTENDED.number(length)
+        / (_SAMPLES - 1)
+    )
 
 
 def _note(request: Request) -> str:
@@ -292,7 +298,7 @@ def _derivatives(
         # A factor 1 and a single term are not rounded.
         roundings = [len(row) - (factor == 1) for factor in factors]
         width = sum(
-            half_widths(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
+            half_widths_in_doubles(widths[..., n]) * abs(float(x)) * (1 + k * 2.0**-50)
             + k * float(precision.epsilon) * round_to_doubles(abs(term))
             for n, x, term, k in zip(columns, factors, terms, roundings, strict=True)
         )
@@ -300,7 +306,7 @@ def _derivatives(
 
     found = {}
     if result.derivatives is not None:
-        slopes = by_constants(request.parameters)
+        slopes = constant_derivatives(request.parameters)
         for variable in variables:
             end = chained(slopes[variable], result.derivatives, error and error.variations)
             y, width = (numbers[:, None] for numbers in end)

@@ -157,7 +157,7 @@ def _values(entry: dict[str, Any] | None) -> Any:
     values = [value if value == math.inf else precision.number(value) for value in exact]
     if not texts.ndim:
         return values[0]
-    kind = precision.type if precision in (DOUBLE, EXTENDED) else object
+    kind = precision.number_type if precision in (DOUBLE, EXTENDED) else object
     return numpy.array(values, kind).reshape(texts.shape)
 
 

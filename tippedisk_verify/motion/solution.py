@@ -26,7 +26,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
 )
-from tippedisk_verify.model.results import Printable, data_frame, with_widths
+from tippedisk_verify.model.results import Printable, data_frame, numbers_as_json
 from tippedisk_verify.motion.times import decimal_time, since_start
 
 __all__ = ["Derivative", "Solution"]
@@ -264,17 +264,19 @@ class Solution(Printable):
             "message": self.message,
             "end": self._end_entries(),
             "t": [decimal_time(time) for time in self.times],
-            **dict(zip(STATE_NAMES, with_widths(self.y, self.uncertainty), strict=True)),
+            **dict(zip(STATE_NAMES, numbers_as_json(self.y, self.uncertainty), strict=True)),
             "events": [event.to_dict() for event in self.events],
             **{
-                name: with_widths(values, widths)
+                name: numbers_as_json(values, widths)
                 for name, values, widths in derivatives
                 if values is not None
             },
             "derivatives": {
                 name: {
-                    "end": with_widths(slope.end, slope.end_uncertainty),
-                    **dict(zip(STATE_NAMES, with_widths(slope.y, slope.uncertainty), strict=True)),
+                    "end": numbers_as_json(slope.end, slope.end_uncertainty),
+                    **dict(
+                        zip(STATE_NAMES, numbers_as_json(slope.y, slope.uncertainty), strict=True)
+                    ),
                 }
                 for name, slope in self.by.items()
             },

@@ -55,7 +55,7 @@ class EvenTimes(Sequence[Exact]):
             precision: The arithmetic.
         """
         if precision != DOUBLE or self._start.pi_multiple or self._step.pi_multiple:
-            return precision.sequence(tuple(self))
+            return precision.as_array(tuple(self))
         start, step = self._start.rational, self._step.rational
         denominator = math.lcm(start.denominator, step.denominator)
         first, more = (int(number * denominator) for number in (start, step))
@@ -68,7 +68,7 @@ def decimal_time(time: Exact) -> str:
     """Return an exact time as a decimal, cut after fifty digits if it never ends."""
     if not time.pi_multiple:
         return exact_decimals(time.rational)[0]
-    low, high = time.enclosed(_CUT_BITS)
+    low, high = time.bounds(_CUT_BITS)
     middle = (low + high) / 2
     return round_to_place(middle, decimal_magnitude(middle) - _CUT_DIGITS)[0] if middle else "0"
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from tippedisk_verify.model.equations import field, jacobian
+from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Constants
 
@@ -63,7 +63,7 @@ def rates(
     The equilibrium is beta = pi/2, gamma = ``around`` * pi/2, v = 0.
     """
     beta, gamma, v = offsets
-    return field(OPS, constants, omega, friction, side)(
+    return vector_field(OPS, constants, omega, friction, side)(
         QuarterTurnAngle(1, beta), QuarterTurnAngle(around, gamma), v
     )
 

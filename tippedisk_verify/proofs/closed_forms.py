@@ -193,7 +193,7 @@ def proved_equilibrium(
             f"equilibrium '{short_text(name)}' is unknown: use inverted or noninverted"
         )
     speed = checked_speed(omega)
-    polynomial = exact_polynomial(parameters.rational(), speed, _EQUILIBRIA[name])
+    polynomial = exact_polynomial(parameters.rational_constants(), speed, _EQUILIBRIA[name])
     a0, a1, a2, _ = polynomial.coeffs()
 
     def roots() -> dict[str, Any]:
@@ -274,7 +274,7 @@ def proved_hopf(parameters: Parameters, digits: int = 12) -> ProvedHopf:
     these digits.
     """
     parameters.refuse_unless_linear("the Hopf point's normal form is")
-    check_linearization(parameters.rational())
+    check_linearization(parameters.rational_constants())
     with_balls = to_digits(lambda: hopf_balls(ball_constants(parameters)), digits)
     falling, sign = with_balls["transversality"], with_balls["first_lyapunov_coefficient"]
     if not negative(falling) or not (negative(sign) or positive(sign)):
@@ -398,7 +398,7 @@ def proved_stability(parameters: Parameters, digits: int = 12) -> ProvedStabilit
     """Prove the linear stability at every speed, and enclose Omega_crit and the numbers there to
     ``digits`` digits.
     """
-    check_linearization(parameters.rational())
+    check_linearization(parameters.rational_constants())
     names = ("omega_crit", "period", "lambda_3", "transversality")
 
     def numbers() -> dict[str, Any]:

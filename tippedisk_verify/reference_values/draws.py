@@ -15,7 +15,7 @@ from functools import lru_cache
 
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
@@ -100,5 +100,5 @@ def decimal_text(value: Fraction, places: int) -> str:
     """Return a rational number rounded to at most `places` decimal places, as a text without an
     exponent.
     """
-    with arithmetic(400):
+    with decimal_arithmetic(400):
         return format((Decimal(round(value * 10**places)) / Decimal(10) ** places).normalize(), "f")

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from decimal import Decimal
 
-from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.store import ReferenceValue, is_optional
@@ -149,7 +149,7 @@ def scale_of(reference_value: ReferenceValue, value: Decimal) -> Decimal:
     return size
 
 
-@arithmetic()
+@decimal_arithmetic()
 def slopes_of(reference_value: ReferenceValue) -> Decimal:
     """Return the largest change of a reference value per relative change of its inputs, if each
     changes in its worse direction.
@@ -157,7 +157,7 @@ def slopes_of(reference_value: ReferenceValue) -> Decimal:
     return sum((abs(Decimal(slope)) for slope in reference_value.condition.values()), Decimal(0))
 
 
-@arithmetic()
+@decimal_arithmetic()
 def digits_needed(reference_value: ReferenceValue) -> float:
     """Return the number of correct digits that an answer to a question must have.
 

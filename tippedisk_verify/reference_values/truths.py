@@ -23,11 +23,11 @@ from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted, terms
-from tippedisk_verify.model.exact import PI, exact, fraction, quotient
+from tippedisk_verify.model.equations import STATE_NAMES, equation_terms, jacobian, shifted_ops
+from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
 from tippedisk_verify.reference_values.questions import (
     READINGS,
@@ -159,7 +159,8 @@ def evaluated_twice(
         kept: Bits of the values that may be taken as correct.
     """
     rough, sharp = (
-        evaluate(bits(working).context) for working in (narrow, narrow + WIDER_BITS - BITS)
+        evaluate(precision_of_bits(working).context)
+        for working in (narrow, narrow + WIDER_BITS - BITS)
     )
     return {
         name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept))
@@ -171,7 +172,10 @@ def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
     """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
     context.
     """
-    return (case.disk.within(ctx), *(quotient(ctx, case.inputs[name]) for name in names))
+    return (
+        case.disk.constants_in_context(ctx),
+        *(rational_in_context(ctx, case.inputs[name]) for name in names),
+    )
 
 
 def as_reference_value(
@@ -218,15 +222,15 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     With ``shift`` the calculation uses the angles minus pi/2.
     """
     c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
-    ops, quarter = (shifted(ctx), ctx.pi / 2) if shift else (ctx, 0)
+    ops, quarter = (shifted_ops(ctx), ctx.pi / 2) if shift else (ctx, 0)
     beta, gamma = beta - quarter, gamma - quarter
-    values = terms(ops, c, omega, beta, gamma, v)
+    values = equation_terms(ops, c, omega, beta, gamma, v)
     if case.item.friction == "both":
         return {
             "M": values.mass,
             "h": values.gyroscopic,
             "f_G": values.gravity,
-            "w_y": values.direction,
+            "w_y": values.force_direction,
             "gamma_y": values.sliding_velocity,
             "gamma_rate": -omega * ops.cos(beta),
         }
@@ -234,7 +238,8 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     slopes = jacobian(ops, c, omega, case.disk.friction)(beta, gamma, v)[2]
     return {
         "lambda_Ty": force,
-        "v_rate": (values.gyroscopic + values.gravity + values.direction * force) / values.mass,
+        "v_rate": (values.gyroscopic + values.gravity + values.force_direction * force)
+        / values.mass,
         **dict(zip(("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv"), slopes, strict=True)),
     }
 
@@ -244,7 +249,7 @@ def _optional(case: Case, ctx: Any) -> dict[str, Any]:
     h, by name.
     """
     c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
-    parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
+    parts = equation_terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
     return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
 
 
@@ -406,7 +411,7 @@ def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
     """
-    quarter = sum(_HALF_PI.enclosed(WIDER_BITS)) / 2 if shift else Fraction(0)
+    quarter = sum(_HALF_PI.bounds(WIDER_BITS)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
             fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),
@@ -520,15 +525,21 @@ Plain = Callable[[Case, Values], Mapping[str, Any]]
 # orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 # 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
 _PLAIN: dict[str, tuple[Plain, Fraction]] = {
-    "rhs": (lambda case, values: _right_hand_side(case, bits(BITS).context), _RELATIVE_STEP),
-    "equilibrium": (lambda case, values: _eigenvalues(case, bits(BITS).context), _RELATIVE_STEP),
+    "rhs": (
+        lambda case, values: _right_hand_side(case, precision_of_bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
+    "equilibrium": (
+        lambda case, values: _eigenvalues(case, precision_of_bits(BITS).context),
+        _RELATIVE_STEP,
+    ),
     "hopf": (lambda case, values: hopf.normal_form(case.disk, DIGITS), _RELATIVE_STEP),
     "harmonic-balance": (
-        lambda case, values: _one_harmonic_law(case, bits(BITS).context),
+        lambda case, values: _one_harmonic_law(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
     ),
     "slow-manifold": (
-        lambda case, values: _slow_manifold(case, bits(BITS).context),
+        lambda case, values: _slow_manifold(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
     ),
     "trajectory": (_moved_orbit, Fraction(1, 10**7)),

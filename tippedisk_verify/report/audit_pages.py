@@ -11,8 +11,8 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from tippedisk_verify.report.digits import shortened
-from tippedisk_verify.report.results_json import totals, verdict_words
+from tippedisk_verify.report.digits import split_at_agreement
+from tippedisk_verify.report.results_json import totals_sentence, verdict_words
 from tippedisk_verify.web import render
 
 __all__ = ["html_page", "markdown_page"]
@@ -71,13 +71,13 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
     for claim in results["claims"]:
         groups.setdefault(claim["group"], []).append(claim)
     filters: dict[str, Callable[..., Any]] = {
-        "alike": _alike,
+        "alike": _same_for_all_sets,
         "code": lambda text: " ".join(text.replace("`", "'").split()),
-        "pieces": _pieces,
-        "plain": _plain,
+        "pieces": _digit_pieces,
+        "plain": _escape_markdown,
         "reason": _reason,
         "sign": _SIGNS.__getitem__,
-        "symbols": _symbols,
+        "symbols": _mark_up_symbols,
         "words": verdict_words,
     }
     return render(
@@ -87,7 +87,7 @@ def _page(template: str, results: dict[str, Any], **more: Any) -> str:
         results=results,
         groups=groups,
         figures=results["figures"],
-        totals=totals(results["summary"]),
+        totals=totals_sentence(results["summary"]),
         **more,
     )
 
@@ -103,18 +103,20 @@ def _reason(fault: dict[str, Any]) -> str:
     return f"{'A slip of the pen' if fault['class'] == 'slip' else 'What is true differs'}: {fault['cause']}"
 
 
-def _pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
+def _digit_pieces(value: Any, printed: str, longest: int) -> list[tuple[str, str]]:
     """Split a number's text into the digits that agree with the printed ones, and the rest.
 
     Return pairs of kind (``agreed``, ``rest`` or ``text``) and text. A sentence stays in one piece.
     """
     if not isinstance(value, dict):
         return [("text", value or "")]
-    pieces = zip(("agreed", "rest"), shortened(value["value"], printed, longest), strict=True)
+    pieces = zip(
+        ("agreed", "rest"), split_at_agreement(value["value"], printed, longest), strict=True
+    )
     return [(kind, text) for kind, text in pieces if text]
 
 
-def _alike(values: dict[str, Any]) -> bool:
+def _same_for_all_sets(values: dict[str, Any]) -> bool:
     """Return True if a claim's value is the same sentence for all parameter sets, which is then
     shown once.
     """
@@ -124,7 +126,7 @@ def _alike(values: dict[str, Any]) -> bool:
     )
 
 
-def _symbols(text: str) -> Markup:
+def _mark_up_symbols(text: str) -> Markup:
     """Return a text as HTML with its symbols marked up: Greek letters, bars, indices, powers and
     roots.
     """
@@ -140,6 +142,6 @@ def _symbols(text: str) -> Markup:
     return Markup(re.sub(r"\^(-?\w+|\([^()]*\))", r"<sup>\1</sup>", marked))
 
 
-def _plain(text: str) -> str:
+def _escape_markdown(text: str) -> str:
     """Escape a text so that Markdown shows it unchanged, in a table too."""
     return re.sub(r"([\\`*<\[\]|])", r"\\\1", " ".join(text.split()))

@@ -6,7 +6,7 @@ from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from itertools import takewhile
 
-__all__ = ["agreed_digits", "shortened"]
+__all__ = ["agreed_digits", "split_at_agreement"]
 
 
 def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
@@ -33,7 +33,7 @@ def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
     return max(0, same - 1), len(texts[1]) - 1
 
 
-def shortened(value: str, printed: str = "", longest: int = 24) -> tuple[str, str]:
+def split_at_agreement(value: str, printed: str = "", longest: int = 24) -> tuple[str, str]:
     """Split a number's text into the digits that agree with the printed ones, and the rest.
 
     Args:

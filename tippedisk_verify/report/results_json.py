@@ -27,7 +27,7 @@ __all__ = [
     "results_json",
     "run_facts",
     "summary",
-    "totals",
+    "totals_sentence",
     "value_text",
     "verdict_words",
 ]
@@ -160,7 +160,7 @@ def summary(findings: Findings) -> dict[str, Any]:
     }
 
 
-def totals(counts: dict[str, Any]) -> str:
+def totals_sentence(counts: dict[str, Any]) -> str:
     """Return a sentence with the numbers of claims by verdict, from the result of `summary`."""
 
     faults = ", ".join(_counted_fault(fault) for fault in counts["not_following"])

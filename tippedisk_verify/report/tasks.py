@@ -18,10 +18,10 @@ from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.provenance import DRAWING, fingerprint
 
-__all__ = ["AuditJob", "Task", "key", "run", "run_task", "tasks_for"]
+__all__ = ["AuditJob", "Task", "run_task", "run_tasks", "task_key", "tasks_for"]
 
 _MAX_TASKS_HERE = 4  # for so few heavy tasks, starting processes costs more than it saves
-_TICK = 0.2  # s between two updates of the progress
+_PROGRESS_INTERVAL = 0.2  # s between two updates of the progress
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def tasks_for(job: AuditJob, *, figures: bool) -> tuple[Task, ...]:
     return tuple(tasks)
 
 
-def key(job: AuditJob, task: Task) -> str:
+def task_key(job: AuditJob, task: Task) -> str:
     """Return the cache key of a task: a hash of everything that its result depends on."""
     inputs: dict[str, Any] = {
         "task": asdict(task),
@@ -75,14 +75,14 @@ def key(job: AuditJob, task: Task) -> str:
     if task.kind == "formulas":
         return fingerprint({"latex": _formulas(job)}, DRAWING)
     packages = (*DRAWING, *_exhibit(task.name).packages)
-    return fingerprint(inputs | {"claims": _of_figure(job, task.name)}, packages)
+    return fingerprint(inputs | {"claims": _figure_claims(job, task.name)}, packages)
 
 
 def _formulas(job: AuditJob) -> list[str]:
     return [claim.formula for claim in select_claims(job.claims) if claim.formula]
 
 
-def _of_figure(job: AuditJob, name: str) -> list[str]:
+def _figure_claims(job: AuditJob, name: str) -> list[str]:
     return [claim for claim in job.claims if claim in claims_drawn_in(name)]
 
 
@@ -118,10 +118,10 @@ def run_task(job: AuditJob, task: Task) -> Any:
         return examine_claim(audit, claim).record()
     from tippedisk_verify.figures.exhibit import draw_exhibit
 
-    return draw_exhibit(_exhibit(task.name), audit, _of_figure(job, task.name))
+    return draw_exhibit(_exhibit(task.name), audit, _figure_claims(job, task.name))
 
 
-def run(
+def run_tasks(
     job: AuditJob,
     tasks: Sequence[Task],
     cache: Cache,
@@ -142,7 +142,7 @@ def run(
         The results of all tasks as plain data, and the tasks whose results were reused.
     """
     records: dict[Task, Any] = {}
-    keys = {task: key(job, task) for task in tasks}
+    keys = {task: task_key(job, task) for task in tasks}
     for task in tasks:
         record = cache.get(keys[task])
         if record is not None:
@@ -220,7 +220,7 @@ def _compute_on_executor(
             advance(
                 ", ".join(task.name for future, task in waiting.items() if future.running())[:40], 0
             )
-            finished, _ = wait(waiting, timeout=_TICK, return_when=FIRST_COMPLETED)
+            finished, _ = wait(waiting, timeout=_PROGRESS_INTERVAL, return_when=FIRST_COMPLETED)
             for future in finished:
                 record = future.result()
                 task = waiting.pop(future)

@@ -33,4 +33,4 @@ def run_stress_case(name: str) -> StressResult:
     """Run the stress case with this name and return its result. A name, unlike a case, can be sent
     to another process.
     """
-    return StressResult.of(_BY_NAME[name])
+    return StressResult.from_case(_BY_NAME[name])

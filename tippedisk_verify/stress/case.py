@@ -13,10 +13,10 @@ from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.precision import Precision, bits
+from tippedisk_verify.model.precision import Precision, precision_of_bits
 
 __all__ = [
-    "TRUTH",
+    "TRUTH_PRECISION",
     "CaseOutcome",
     "StressCase",
     "StressResult",
@@ -27,7 +27,7 @@ __all__ = [
     "double_digits_between",
 ]
 
-TRUTH = bits(200)  #: 60 digits, the precision of the true solution
+TRUTH_PRECISION = precision_of_bits(200)  #: 60 digits, the precision of the true solution
 _MAX_DIGITS = 16.0  # closer values cannot be distinguished in doubles
 
 
@@ -83,7 +83,7 @@ class StressResult:
         return {"says" if key == "description" else key: value for key, value in entry.items()}
 
     @classmethod
-    def of(cls, case: StressCase) -> StressResult:
+    def from_case(cls, case: StressCase) -> StressResult:
         """Run a stress case and return its result.
 
         An unexpected exception is an outcome too, one that never passes.
@@ -138,7 +138,7 @@ def _log10(ratio: Fraction) -> float:
 
 
 def compare_flight(
-    request: Request, truth: Precision = TRUTH, engine: Engine | None = None
+    request: Request, truth: Precision = TRUTH_PRECISION, engine: Engine | None = None
 ) -> CaseOutcome:
     """Run an integration in double precision and in a higher precision, and compare. Return the
     outcome: the correct digits, and if the half-widths are honest.

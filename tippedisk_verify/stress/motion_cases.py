@@ -17,9 +17,9 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, bits
+from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
 from tippedisk_verify.stress.case import (
-    TRUTH,
+    TRUTH_PRECISION,
     CaseOutcome,
     StressCase,
     compare_flight,
@@ -35,12 +35,12 @@ _STOPPED_EARLY = ("NON_FINITE", "STEP_LIMIT", "STEP_TOO_SMALL")
 _DIGITS_MAY_BE_LOST = ("digits", "no digits left", "rounding decides")  # allowed outcomes
 
 
-def _run(
+def _compared_run(
     duration: Any,
     parameters: Parameters = PRINTED,
     start: Any = _START,
     omega: Any = _OMEGA,
-    truth: Precision = TRUTH,
+    truth: Precision = TRUTH_PRECISION,
     **more: Any,
 ) -> Any:
     """Return the action of a stress case: an integration in double precision, compared with 60
@@ -57,13 +57,13 @@ def _parameters(**values: object) -> Callable[[], Parameters]:
     return lambda: PRINTED.changed(**values)
 
 
-def _deferred(
+def _deferred_run(
     duration: Any, make: Callable[[], Parameters], **more: Any
 ) -> Callable[[], CaseOutcome]:
     """Return the action of a stress case that makes the disk's parameters only when it runs, so
     their refusal is an outcome.
     """
-    return lambda: _run(duration, make(), **more)()
+    return lambda: _compared_run(duration, make(), **more)()
 
 
 def _thin_ring(share: str) -> Callable[[], Parameters]:
@@ -85,24 +85,24 @@ def _friction_cases() -> list[StressCase]:
         ("1e-6", "0.001", QUADRUPLE),
         ("1e-5", "0.01", QUADRUPLE),
         ("1e-4", "0.1", QUADRUPLE),
-        ("1e-3", "0.5", TRUTH),
-        ("0.01", "1", TRUTH),
-        ("1", "1", TRUTH),
-        ("10", "1", TRUTH),
+        ("1e-3", "0.5", TRUTH_PRECISION),
+        ("0.01", "1", TRUTH_PRECISION),
+        ("1", "1", TRUTH_PRECISION),
+        ("10", "1", TRUTH_PRECISION),
     )
     return [
         *(
             StressCase(
                 f"epsilon {text}, {friction}",
                 f"{duration} s with epsilon = {text} m/s",
-                _deferred(
+                _deferred_run(
                     duration,
                     _parameters(epsilon=text, friction=friction),
                     domain="none",
                     truth=truth,
                 ),
                 9,
-                quick=truth is TRUTH,
+                quick=truth is TRUTH_PRECISION,
             )
             for text, duration, truth in durations
             for friction in ("linear", "smooth")
@@ -111,7 +111,7 @@ def _friction_cases() -> list[StressCase]:
             StressCase(
                 f"mu {text}",
                 f"0.5 s with mu = {text}",
-                _deferred("0.5", _parameters(mu=text), domain="none"),
+                _deferred_run("0.5", _parameters(mu=text), domain="none"),
                 10,
             )
             for text in ("1e-6", "10")
@@ -132,7 +132,8 @@ def _shape_cases() -> list[StressCase]:
         ),
     )
     return [
-        StressCase(name, says, _deferred("1", make, domain="none"), 10) for name, says, make in sets
+        StressCase(name, says, _deferred_run("1", make, domain="none"), 10)
+        for name, says, make in sets
     ]
 
 
@@ -142,7 +143,7 @@ def _speed_cases() -> list[StressCase]:
             StressCase(
                 f"Omega {omega}",
                 f"{duration} s at Omega = {omega} rad/s",
-                _run(duration, omega=omega, domain="none"),
+                _compared_run(duration, omega=omega, domain="none"),
                 8,
             )
             for omega, duration in (("1e-3", "0.5"), ("1", "0.5"), ("300", "0.5"), ("1e4", "0.02"))
@@ -151,7 +152,7 @@ def _speed_cases() -> list[StressCase]:
             StressCase(
                 f"v {v}",
                 f"{duration} s from v = {v} rad/s",
-                _run(duration, start=("1.4", "1.9", v), domain="none"),
+                _compared_run(duration, start=("1.4", "1.9", v), domain="none"),
                 9,
             )
             for v, duration in (("1e3", "0.01"), ("1e6", "1e-5"), ("-1e6", "1e-5"))
@@ -167,38 +168,38 @@ def _start_cases() -> list[StressCase]:
         StressCase(
             "next to inverted spinning",
             "1e-12 from the equilibrium, in shifted angles, which keep its digits",
-            _run("2", start=(tiny, -tiny, 0), **shift),
+            _compared_run("2", start=(tiny, -tiny, 0), **shift),
             10,
         ),
         StressCase(
             "on inverted spinning",
             "starts on it in plain angles: pi/2 is not a double",
-            _run("1", start=(half, half, 0), domain="none"),
+            _compared_run("1", start=(half, half, 0), domain="none"),
             10,
         ),
         StressCase(
             "next to noninverted spinning",
             "1e-12 from the saddle: expands by e^6.6t",
-            _run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"),
+            _compared_run("1", start=(half + exact(tiny), exact("-pi/2"), 0), domain="none"),
             8,
         ),
         StressCase(
             "next to lying flat",
             "sin(beta) = 1e-12 and v away from it",
-            _run("0.2", start=(tiny, "1.9", "5"), domain="event"),
+            _compared_run("0.2", start=(tiny, "1.9", "5"), domain="event"),
             8,
         ),
         StressCase(
             "next to lying flat, falling",
             "sin(beta) = 1e-12 and v towards it: ends within 1e-12 s",
-            _run("0.2", start=(tiny, "1.9", "-5"), domain="event"),
+            _compared_run("0.2", start=(tiny, "1.9", "-5"), domain="event"),
             3,
             _DIGITS_MAY_BE_LOST,
         ),
         StressCase(
             "flat",
             "starts at sin(beta) = 0: the model has no such state",
-            _run("0.2", start=(0, "1.9", "5")),
+            _compared_run("0.2", start=(0, "1.9", "5")),
             0,
             ("FLAT", *_DIGITS_MAY_BE_LOST),
         ),
@@ -222,7 +223,7 @@ def _stable_manifold() -> CaseOutcome:
         Request(
             PRINTED, omega, (exact("pi/2") - exact("1e-9"), exact("-pi/2"), 0), "12", domain="none"
         ),
-        bits(400),
+        precision_of_bits(400),
     )
 
 
@@ -278,7 +279,7 @@ def _event_cases() -> list[StressCase]:
 
     def below(ulps: float) -> CaseOutcome:
         to_top = Request(
-            PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=TRUTH
+            PRINTED, _OMEGA, _START, "2", events=(turn,), domain="none", precision=TRUTH_PRECISION
         )
         top = float(default_engine()(to_top).state[0])
         return compare_flight(
@@ -329,7 +330,9 @@ def _event_cases() -> list[StressCase]:
         StressCase(
             "flat twice",
             "the run ends at the first crossing of sin(beta) = 0",
-            _run("60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)),
+            _compared_run(
+                "60", start=(exact("pi/2"), exact("-pi/2"), 2), omega="29.9", events=(FLAT,)
+            ),
             6,
         ),
     ]
@@ -344,7 +347,7 @@ def _tolerance_cases() -> list[StressCase]:
             StressCase(
                 f"tolerance {tolerance:.1e}",
                 "1 s at this tolerance",
-                _run("1", tolerance=tolerance, domain="none"),
+                _compared_run("1", tolerance=tolerance, domain="none"),
                 least,
             )
             for tolerance, least in (
@@ -359,7 +362,7 @@ def _tolerance_cases() -> list[StressCase]:
         StressCase(
             "tolerance below round-off",
             "1e-30 in double: no better than 1e-16, and no worse",
-            _run("1", tolerance=1e-30, domain="none"),
+            _compared_run("1", tolerance=1e-30, domain="none"),
             12,
         ),
     ]

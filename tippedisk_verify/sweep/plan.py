@@ -29,7 +29,7 @@ from tippedisk_verify.motion.integration import Motion
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
-__all__ = ["Plan", "axis", "run_analysis"]
+__all__ = ["SweepPlan", "parse_axis", "run_analysis"]
 
 _MAX_POINTS = 1_000_000
 _MAX_BITS = 1_000_000_000  # of all numbers of a range: some hundred megabytes
@@ -112,7 +112,7 @@ _ANALYSES: dict[
 
 
 # ------------------------------------------------------------------------------------------ points
-def axis(text: str) -> tuple[str, tuple[str, ...]]:
+def parse_axis(text: str) -> tuple[str, tuple[str, ...]]:
     """Parse the text of one axis of a sweep: a parameter's name and its values.
 
     Args:
@@ -151,7 +151,7 @@ def axis(text: str) -> tuple[str, tuple[str, ...]]:
 
 
 @dataclass(frozen=True)
-class Plan:
+class SweepPlan:
     """The description of a parameter sweep: an analysis, a disk, and the axes whose combinations
     are the points.
 

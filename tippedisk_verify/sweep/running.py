@@ -20,18 +20,20 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.files import file_lock, write_table
 from tippedisk_verify.interrupts import clean_up_on_ctrl_c
 from tippedisk_verify.provenance import code_version
-from tippedisk_verify.sweep.plan import Plan, run_analysis
+from tippedisk_verify.sweep.plan import SweepPlan, run_analysis
 
 __all__ = ["run_sweep"]
 
 _MAX_LINE = 1_000_000  # bytes of a line of the journal
-_MAX_AHEAD = 256  # points submitted at a time, so that a long sweep does not fill the memory
+_MAX_QUEUED_POINTS = (
+    256  # points submitted at a time, so that a long sweep does not fill the memory
+)
 Row = dict[str, str]
 Workers = Callable[[], AbstractContextManager[Executor | None]]
 
 
 def run_sweep(
-    plan: Plan,
+    plan: SweepPlan,
     out: Path,
     workers: Workers,
     advance: Callable[[str, int], None] = lambda label, steps: None,
@@ -57,7 +59,7 @@ def run_sweep(
     with file_lock(
         journal, f"another run is sweeping into {out}: wait for it, or give another --out"
     ):
-        rows = _taken_up(journal, plan)
+        rows = _read_journal(journal, plan)
         advance("resumed", len(rows))
 
         def discard() -> None:
@@ -66,7 +68,7 @@ def run_sweep(
 
         try:
             with clean_up_on_ctrl_c(discard):
-                for row in _kept_rows(plan, journal, rows, workers):
+                for row in _compute_rows(plan, journal, rows, workers):
                     advance(row["status"][:40], 1)
         finally:
             discard()
@@ -75,7 +77,9 @@ def run_sweep(
     return len(rows), sum(row["status"] != "ok" for row in rows.values())
 
 
-def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers) -> Iterator[Row]:
+def _compute_rows(
+    plan: SweepPlan, journal: Path, rows: dict[int, Row], workers: Workers
+) -> Iterator[Row]:
     """Compute the missing rows of a sweep's table, and yield each one after it has been written to
     the journal and added to ``rows``.
 
@@ -84,11 +88,11 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
     """
     with open(journal, "ab") as stream:
         if not stream.tell():
-            stream.write(_head(plan))
+            stream.write(_journal_header(plan))
 
         def keep(index: int, row: Row) -> Row:
             rows[index] = row
-            stream.write(_line(index, row))
+            stream.write(_journal_line(index, row))
             stream.flush()
             return row
 
@@ -106,7 +110,7 @@ def _kept_rows(plan: Plan, journal: Path, rows: dict[int, Row], workers: Workers
 
 
 def _run(
-    plan: Plan, missing: Iterator[tuple[int, Row]], executor: Executor | None
+    plan: SweepPlan, missing: Iterator[tuple[int, Row]], executor: Executor | None
 ) -> Iterator[tuple[int, Row]]:
     """Compute the missing points of a sweep, and yield the index and the row of each as soon as it
     is computed.
@@ -117,7 +121,7 @@ def _run(
         return
     waiting: dict[Future[Row], int] = {}
     while True:
-        for index, point in islice(missing, _MAX_AHEAD - len(waiting)):
+        for index, point in islice(missing, _MAX_QUEUED_POINTS - len(waiting)):
             waiting[executor.submit(run_analysis, *asked, point)] = index
         if not waiting:
             return
@@ -126,26 +130,26 @@ def _run(
 
 
 # ------------------------------------------------------------------------------------------- files
-def _head(plan: Plan) -> bytes:
+def _journal_header(plan: SweepPlan) -> bytes:
     return json.dumps({"plan": plan.key, "code": code_version()}).encode() + b"\n"
 
 
-def _line(index: int, row: Mapping[str, str]) -> bytes:
+def _journal_line(index: int, row: Mapping[str, str]) -> bytes:
     checksum = zlib.crc32(json.dumps([index, row]).encode())
     return json.dumps({"point": index, "row": row, "checksum": checksum}).encode() + b"\n"
 
 
-def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
+def _read_journal(journal: Path, plan: SweepPlan) -> dict[int, Row]:
     """Read the journal of an interrupted sweep, and return its rows by index.
 
-    The file is truncated at the first line that `_line` did not write.
+    The file is truncated at the first line that `_journal_line` did not write.
 
     Raises:
         InputError: If the first line does not match this plan and this code.
     """
     rows: dict[int, Row] = {}
     with open(journal, "r+b") as stream:
-        first, head = stream.readline(_MAX_LINE), _head(plan)
+        first, head = stream.readline(_MAX_LINE), _journal_header(plan)
         if not head.startswith(first):
             same_plan = first.partition(b",")[0] == head.partition(b",")[0]
             whose = "other code, named in its first line" if same_plan else "another sweep"
@@ -158,7 +162,7 @@ def _taken_up(journal: Path, plan: Plan) -> dict[int, Row]:
             try:
                 entry = json.loads(line)
                 index, row = entry["point"], entry["row"]
-                if line != _line(index, row):
+                if line != _journal_line(index, row):
                     break
             except (ValueError, KeyError, TypeError, RecursionError):
                 break

@@ -124,7 +124,7 @@ def linearization(
         omega: The spinning speed [rad/s].
         name: ``inverted`` or ``noninverted``.
     """
-    constants = parameters.rational()
+    constants = parameters.rational_constants()
     side = 1 if name == "inverted" else -1
     reach = constants.r + side * constants.e
     friction = constants.k / constants.b

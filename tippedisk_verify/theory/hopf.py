@@ -146,7 +146,7 @@ def frequency_ratio_squared(parameters: Parameters) -> Fraction:
 
 def _friction_ratio_squared(parameters: Parameters) -> Fraction:
     """Return f^2 = (A33 / Omega_crit)^2, the squared friction ratio, exactly."""
-    c = parameters.rational()
+    c = parameters.rational_constants()
     return Fraction(c.k**2 * (c.r + c.e) ** 2 * c.r / (c.b * c.g))
 
 
@@ -189,7 +189,7 @@ def omega_crit_squared(parameters: Parameters) -> Fraction:
     Args:
         parameters: The disk.
     """
-    constants = parameters.rational()
+    constants = parameters.rational_constants()
     return Fraction((constants.r + constants.e) ** 2 * constants.g / (constants.r * constants.b))
 
 
@@ -249,7 +249,7 @@ def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Mea
     Raises:
         InputError: If the number of digits cannot be used.
     """
-    c, crit = parameters.rational(), omega_crit(parameters, digits)
+    c, crit = parameters.rational_constants(), omega_crit(parameters, digits)
     logarithmic = {
         "r": 2 / (c.r + c.e) - 1 / c.r,
         "e": 2 / (c.r + c.e) + 2 * c.m * c.e / c.Bbar,
@@ -330,7 +330,7 @@ def period_of(frequency: Measured, digits: int) -> Measured:
         frequency: The angular frequency [rad/s].
         digits: The digits of pi.
     """
-    low, high = PI.enclosed(bits_for_digits(digits))
+    low, high = PI.bounds(bits_for_digits(digits))
     return Measured(low + high, high - low) / frequency
 
 
@@ -347,7 +347,7 @@ def hopf_point(parameters: Parameters, digits: int = 12) -> HopfPoint:
     Raises:
         InputError: If the number of digits cannot be used, or the friction law has two sides.
     """
-    parameters.refuse_two_sides("the Hopf point's normal form is")
+    parameters.refuse_two_sided_law("the Hopf point's normal form is")
     law = amplitude_law(parameters)
     numbers = normal_form(parameters, checked_digits(digits) + 17, degenerate=not law.quadratic)
     coefficients = {

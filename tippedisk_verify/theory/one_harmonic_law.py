@@ -193,7 +193,7 @@ def one_harmonic(
     parameters.refuse_unless_linear("harmonic balance is")
     form, omega = _checked_form(form), checked_speed(omega)
     digits = checked_digits(digits)
-    constants = parameters.rational()
+    constants = parameters.rational_constants()
     if not _denominator(constants, omega**2, form):
         raise AccuracyError(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
     square, frequency_squared = squares(constants, omega, form)
@@ -230,7 +230,7 @@ def slopes(
         omega_crit_squared(parameters),
         frequency_ratio_squared(parameters),
     )
-    denominator = _denominator(parameters.rational(), square, form)
+    denominator = _denominator(parameters.rational_constants(), square, form)
     if not denominator:
         raise AccuracyError("the amplitude law's denominator vanishes at Omega_crit")
     working = checked_digits(digits) + 17

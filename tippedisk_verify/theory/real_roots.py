@@ -15,9 +15,9 @@ from itertools import pairwise
 from typing import Any
 
 from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import bits, bits_for_digits
+from tippedisk_verify.model.precision import bits_for_digits, precision_of_bits
 
 __all__ = ["real_roots", "square_root"]
 
@@ -120,7 +120,7 @@ def square_root(square: Measured | Fraction, digits: int) -> Measured:
         digits: The digits of the root.
     """
     number = square if isinstance(square, Measured) else Measured(square, Fraction(0))
-    precision = bits(bits_for_digits(digits))
-    root = fraction(precision.context.sqrt(quotient(precision.context, number.value)))
+    precision = precision_of_bits(bits_for_digits(digits))
+    root = fraction(precision.context.sqrt(rational_in_context(precision.context, number.value)))
     # Two roundings, and twice the effect of the half-width, which is small against the number.
     return Measured(root, 2 * root * precision.epsilon + number.uncertainty / root)

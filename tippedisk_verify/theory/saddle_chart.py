@@ -31,13 +31,13 @@ from typing import Any
 import numpy
 from numpy.polynomial.polynomial import polyval
 
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles", "solve_linear"]
+__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles_and_v", "solve_linear"]
 
 #: The functions of angles that are given as pairs of their sine and cosine.
 ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
@@ -52,7 +52,7 @@ _ROUNDING_STEP = (
 )  # of the largest coordinate; below it a step that does not shrink is rounding
 
 
-def angles(y: Sequence[Any]) -> tuple[Any, Any, Any]:
+def angles_and_v(y: Sequence[Any]) -> tuple[Any, Any, Any]:
     """Return the angles beta and gamma and v at a point y about the saddle.
 
     Each angle is a pair of its sine and cosine.
@@ -179,7 +179,7 @@ class _TapeSeries:
 
     def __init__(self, tape: _Tape, rule: Callable[[int, slice], Any] | None = None) -> None:
         self.tape, self.rule = tape, rule
-        self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.type)
+        self.terms = numpy.zeros((tape.count, len(tape.monomials.powers)), EXTENDED.number_type)
         tape.series.append(self)
 
     @property
@@ -238,25 +238,25 @@ class SaddleChart:
     monomials: Monomials
     coefficients: Any  #: (3, m) of W
     eigenvalues: Any  #: (3,) unstable, slow and fast stable one [1/s]
-    inverse: Any  #: (3, 3) of the matrix of eigenvectors
+    inverse_eigenvectors: Any  #: (3, 3) of the matrix of eigenvectors
 
     def at(self, point: Any) -> Any:
         """Convert chart coordinates (u, s, f) to the offset y (3,) of a state from the saddle."""
         return self.coefficients @ self.monomials.at(point)
 
-    def slopes(self, point: Any) -> Any:
+    def derivative(self, point: Any) -> Any:
         """Return the derivative DW (3, 3) of the offset y from the saddle with respect to the chart
         coordinates, at a point (u, s, f).
         """
         return self.coefficients @ self.monomials.slopes(point)
 
-    def along(self, gradient: Sequence[Any]) -> Any:
+    def gradient_in_chart(self, gradient: Sequence[Any]) -> Any:
         """Convert the gradient (3,) of a function at the saddle from the offset y to the chart
         coordinates (u, s, f).
         """
-        return numpy.asarray(gradient) @ self.slopes(self.eigenvalues * 0)
+        return numpy.asarray(gradient) @ self.derivative(self.eigenvalues * 0)
 
-    def radius(self, variable: int) -> float:
+    def convergence_radius(self, variable: int) -> float:
         """Estimate the radius of convergence of the chart's series in u (0) or s (1), from the last
         terms that are nearly pure powers of it.
         """
@@ -278,9 +278,9 @@ class SaddleChart:
 
         Raises ArithmeticError if the iteration does not settle.
         """
-        point, before = self.inverse @ y, numpy.inf
+        point, before = self.inverse_eigenvectors @ y, numpy.inf
         for _ in range(_MAX_CHORD_STEPS):
-            step = self.inverse @ (y - self.at(point))
+            step = self.inverse_eigenvectors @ (y - self.at(point))
             point, size = point + step, abs(step).max()
             if before / 2 <= size < _ROUNDING_STEP * abs(point).max() or not size:
                 return point
@@ -310,10 +310,10 @@ class ChartFamily:
         eigenvalues = _extended(saddle.eigenvalues for saddle in saddles)
         directions, inverse = (
             _extended(getattr(saddle, name) for saddle in saddles).reshape(-1, 3, 3)
-            for name in ("directions", "inverse_directions")
+            for name in ("eigenvectors", "inverse_eigenvectors")
         )
         speeds = _extended([saddle.omega] for saddle in saddles)
-        terms = _invariant(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
+        terms = _chart_terms(parameters, monomials, side, speeds, eigenvalues, directions, inverse)
         values = numpy.concatenate(
             (eigenvalues, inverse.reshape(-1, 9), terms.reshape(_SPEED_NODES, -1)), axis=1
         )
@@ -328,7 +328,7 @@ class ChartFamily:
         )
 
 
-def _invariant(
+def _chart_terms(
     parameters: Parameters,
     monomials: Monomials,
     side: int | None,
@@ -346,10 +346,12 @@ def _invariant(
     deviations = tape.sine_and_cosine(beta, 1, 0), tape.sine_and_cosine(gamma, -1, 0), v
     # With y from the equilibrium: beta = pi/2 + y, gamma = -pi/2 + y, whose sines and cosines are
     # those of the tape.
-    law = parameters.law.near_zero(
+    law = parameters.law.taylor_polynomial(
         parameters, _WORKING_BITS, monomials.order, side, EXTENDED.number
     )
-    rates = field(ANGLE_OPS, parameters.at(EXTENDED), speeds, law, side)(*deviations)
+    rates = vector_field(ANGLE_OPS, parameters.constants_in(EXTENDED), speeds, law, side)(
+        *deviations
+    )
     growth = eigenvalues @ monomials.powers.T
     tape.extend(0)
     for degree, of in enumerate(monomials.of_degree[1:], start=1):

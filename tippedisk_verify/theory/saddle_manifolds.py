@@ -3,17 +3,17 @@
 **Curves.** In y = (beta_bar, gamma + pi/2, v), about the saddle, the field is odd by the point
 symmetry. Its one-dimensional manifolds are curves
 
-    K(s) = sum of K_n s^n over odd n,    f(K(s)) = lambda s K'(s).
+    K(s) = sum of K_n s^n over odd n,    F(K(s)) = lambda s K'(s).
 
 Along them s grows like exp(lambda t).
 
 **Stable manifold.** The two-dimensional stable manifold is needed only near the slow stable curve,
-because the fast component is tiny after the passage between the saddles. It is taken as K(s) + t
+because the fast component is tiny after the passage between the saddles. It is taken as K(s) + f
 L(s) with L the fast direction carried along the curve:
 
-    Df(K) L = lambda_s s L' + lambda_f L.
+    DF(K) L = lambda_s s L' + lambda_f L.
 
-The remainder is of order t^2.
+The remainder is of order f^2.
 
 **Laws with two sides.** Such a law is analytic on either side of gamma_y = 0, and each curve leaves
 the saddle on one side. The branch of that side gives the curve there, with even powers too. The
@@ -34,11 +34,11 @@ from functools import cached_property, partial
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
-from tippedisk_verify.model.equations import field, jacobian
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.equations import jacobian, vector_field
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits
+from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
 from tippedisk_verify.theory.power_series import Angle, PowerSeries, SeriesOps
 
@@ -71,18 +71,18 @@ class Saddle:
     @cached_property
     def context(self) -> Any:
         """The mpmath context of the numbers that belong to this saddle."""
-        return bits(self.working_bits).context
+        return precision_of_bits(self.working_bits).context
 
     @cached_property
     def constants(self) -> Constants:
         """The constants of the disk, as numbers of `context`."""
         ctx = self.context
-        return self.parameters.within(ctx)
+        return self.parameters.constants_in_context(ctx)
 
     @cached_property
     def speed(self) -> Any:
         """The spinning speed [rad/s], as a number of `context`."""
-        return quotient(self.context, self.omega)
+        return rational_in_context(self.context, self.omega)
 
     @cached_property
     def eigenvalues(self) -> tuple[Any, Any, Any]:
@@ -95,7 +95,7 @@ class Saddle:
                 "noninverted spinning is a saddle-focus here: a connection of saddles is not "
                 "looked for"
             )
-        unstable, slow, fast = (quotient(ctx, value.re.value) for value in values)
+        unstable, slow, fast = (rational_in_context(ctx, value.re.value) for value in values)
         if not slow < 0 < unstable:
             raise NoConnectionError(
                 "noninverted spinning is not a saddle with one unstable direction here"
@@ -103,7 +103,7 @@ class Saddle:
         return unstable, slow, fast
 
     @cached_property
-    def directions(self) -> Any:
+    def eigenvectors(self) -> Any:
         """The saddle's right eigenvectors in (beta, gamma, v), as columns in the eigenvalues'
         order.
 
@@ -116,18 +116,19 @@ class Saddle:
                 linearization(self.parameters, self.omega, "noninverted"), value
             )
             entries = [
-                quotient(ctx, entry) if isinstance(entry, Fraction) else entry for entry in vector
+                rational_in_context(ctx, entry) if isinstance(entry, Fraction) else entry
+                for entry in vector
             ]
             largest = max(entries, key=abs)
             vectors.append([entry / largest for entry in entries])
         return ctx.matrix(vectors).T
 
     @cached_property
-    def inverse_directions(self) -> Any:
+    def inverse_eigenvectors(self) -> Any:
         """The inverse of the matrix of eigenvectors: its rows give coordinates along the
         eigenvectors.
         """
-        return self.context.inverse(self.directions)
+        return self.context.inverse(self.eigenvectors)
 
     @cached_property
     def unstable_curve(self) -> list[PowerSeries]:
@@ -145,46 +146,51 @@ class Saddle:
         """
         return self._curve(1)
 
-    def start_on_unstable_manifold(self, distance: Fraction, side: int = 1) -> list[Fraction]:
+    def start_on_unstable_manifold(self, distance: Fraction, sign: int = 1) -> list[Fraction]:
         """Return a state on the unstable manifold next to the saddle at gamma_bar = -pi, from its
         power series.
 
         Args:
             distance: The curve's parameter s.
-            side: -1 takes the image of the point under the point symmetry, from the saddle at pi.
+            sign: -1 takes the image of the point under the point symmetry, from the saddle at pi.
 
         Returns:
             (beta_bar [rad], gamma_bar [rad], v [rad/s]).
         """
         beta, gamma, v = (
-            component.at(quotient(self.context, distance)) for component in self.unstable_curve
+            component.at(rational_in_context(self.context, distance))
+            for component in self.unstable_curve
         )
-        return [side * fraction(component) for component in (beta, gamma - self.context.pi, v)]
+        return [sign * fraction(component) for component in (beta, gamma - self.context.pi, v)]
 
     def _curve(self, direction_index: int) -> list[PowerSeries]:
         ctx, eigenvalue = self.context, self.eigenvalues[direction_index]
-        curve = [[ctx.zero, self.directions[row, direction_index]] for row in range(3)]
+        curve = [[ctx.zero, self.eigenvectors[row, direction_index]] for row in range(3)]
         step = self._power_step
-        rates_of = field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
+        rates_of = vector_field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
             rates = rates_of(*self._state(curve))
-            column = self._solved([rate.c[power] for rate in rates], power * eigenvalue)
+            column = self._solve_homological_equation(
+                [rate.c[power] for rate in rates], power * eigenvalue
+            )
             for component, value in zip(curve, column, strict=True):
                 component[power] = value
         return [PowerSeries(component) for component in curve]
 
-    def _solved(self, rest: Sequence[Any], growth: Any, resonant: float = 0) -> Any:
+    def _solve_homological_equation(
+        self, rest: Sequence[Any], growth: Any, resonant: float = 0
+    ) -> Any:
         """Solve (growth - A) x = rest for x, where A is the linearisation at the saddle.
 
         Components of x along eigenvectors with a divisor below ``resonant`` are set to zero.
         """
-        along = self.inverse_directions * self.context.matrix(rest)
+        along = self.inverse_eigenvectors * self.context.matrix(rest)
         for k, eigenvalue in enumerate(self.eigenvalues):
             divisor = growth - eigenvalue
             along[k] = 0 if abs(divisor) < resonant else along[k] / divisor
-        return self.directions * along
+        return self.eigenvectors * along
 
     @property
     def _power_step(self) -> int:
@@ -201,12 +207,14 @@ class Saddle:
 
         ``direction_index`` is 0 for the unstable manifold and 1 for the slow stable one.
         """
-        parameters, side = self.parameters, self.side(direction_index)
-        number = partial(quotient, self.context)
-        law = parameters.law.near_zero(parameters, self.working_bits, self.order, side, number)
+        parameters, side = self.parameters, self.law_side(direction_index)
+        number = partial(rational_in_context, self.context)
+        law = parameters.law.taylor_polynomial(
+            parameters, self.working_bits, self.order, side, number
+        )
         return law, side
 
-    def side(self, direction_index: int) -> int | None:
+    def law_side(self, direction_index: int) -> int | None:
         """Return the sign of gamma_y along a manifold of the saddle (0: unstable, 1: slow stable),
         on the half that is used.
 
@@ -216,7 +224,7 @@ class Saddle:
             return None
         c, (_, gamma, v) = (
             self.constants,
-            (self.directions[row, direction_index] for row in range(3)),
+            (self.eigenvectors[row, direction_index] for row in range(3)),
         )
         # Linearised at the saddle: rho v - e Omega cos(gamma), with cos(gamma) the deviation of
         # gamma itself.
@@ -238,7 +246,7 @@ class Saddle:
         """The direction L(s) of the fast stable motion at each point of the slow stable curve, as
         power series that are even in s.
         """
-        return self._carried(2)
+        return self._transported_eigenvector(2)
 
     @cached_property
     def unstable_direction(self) -> list[PowerSeries]:
@@ -249,20 +257,21 @@ class Saddle:
         lambda_s = lambda_s, where the saddle value vanishes. There u grows like exp(lambda_u t)
         only up to a factor 1 + O(s^2).
         """
-        return self._carried(0)
+        return self._transported_eigenvector(0)
 
-    def _carried(self, direction_index: int) -> list[PowerSeries]:
+    def _transported_eigenvector(self, direction_index: int) -> list[PowerSeries]:
         """Return an eigenvector's direction at each point of the slow stable curve, carried along
         it by the flow, as power series.
 
-        It solves Df(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
+        It solves DF(K) L = lambda_s s L' + lambda L, where L(0) is the eigenvector with the index
         ``direction_index``.
         """
         ctx, slow, own = self.context, self.eigenvalues[1], self.eigenvalues[direction_index]
         entries = self._jacobian_on_stable_curve
         length = self.order + 1
         carried = [
-            [self.directions[row, direction_index]] + [ctx.zero] * (length - 1) for row in range(3)
+            [self.eigenvectors[row, direction_index]] + [ctx.zero] * (length - 1)
+            for row in range(3)
         ]
         step = self._power_step
         resonant = _MIN_DIVISOR * own if direction_index == 0 else 0
@@ -275,7 +284,7 @@ class Saddle:
                             entry.c[k] * component[power - k] for k in range(step, power + 1, step)
                         )
                         rest[row] += sum(terms, ctx.zero)
-            vector = self._solved(rest, own + power * slow, resonant)
+            vector = self._solve_homological_equation(rest, own + power * slow, resonant)
             for component, value in zip(carried, vector, strict=True):
                 component[power] = value
         return [PowerSeries(component) for component in carried]
@@ -286,7 +295,7 @@ class Saddle:
         slopes = jacobian(SeriesOps, self.constants, self.speed, *self._law(1))
         return slopes(*self._state(curve))
 
-    def reach(self, *curves: Sequence[PowerSeries]) -> Any:
+    def convergence_radius(self, *curves: Sequence[PowerSeries]) -> Any:
         """Return the radius of s within which the power series of all given curves converge.
 
         It is estimated from their last coefficients, and is at most 10.
@@ -305,11 +314,11 @@ class Saddle:
         return min(rates)
 
     def stable_coordinates(self, point: Sequence[Any]) -> tuple[Any, Any, Any]:
-        """Return the coordinates (u, s, t) of a point near the saddle, so that the point is K(s) +
-        t L(s) + u M(s).
+        """Return the coordinates (u, s, f) of a point near the saddle, so that the point is K(s) +
+        f L(s) + u M(s).
 
         K is the slow stable curve; L and M are the fast stable and the unstable direction along it.
-        The point lies on the stable manifold if u = 0, up to terms of order t^2. Small u and t grow
+        The point lies on the stable manifold if u = 0, up to terms of order f^2. Small u and f grow
         and fall like exp(lambda_u t) and exp(lambda_f t) along the flow.
 
         Args:
@@ -319,13 +328,13 @@ class Saddle:
             AccuracyError: If the point is too far from the saddle.
         """
         ctx = self.context
-        u = s = t = ctx.zero
+        u = s = f = ctx.zero
         target = [ctx.mpf(entry) for entry in point]
         size = max(map(abs, target))
         for _ in range(400):
             residual = ctx.matrix(
                 [
-                    value - curve.at(s) - t * fast.at(s) - u * unstable.at(s)
+                    value - curve.at(s) - f * fast.at(s) - u * unstable.at(s)
                     for value, curve, fast, unstable in zip(
                         target,
                         self.stable_curve,
@@ -335,10 +344,10 @@ class Saddle:
                     )
                 ]
             )
-            step = self.inverse_directions * residual
-            u, s, t = u + step[0], s + step[1], t + step[2]
+            step = self.inverse_eigenvectors * residual
+            u, s, f = u + step[0], s + step[1], f + step[2]
             if max(map(abs, step)) <= 16 * ctx.eps * size:
-                return u, s, t
+                return u, s, f
         raise AccuracyError(
             "the end of the unstable manifold is too far from the saddle for its local series"
         )

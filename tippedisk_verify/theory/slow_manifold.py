@@ -28,12 +28,18 @@ from typing import Any, NamedTuple
 import gmpy2
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.equations import Ops, checked_speed, terms
-from tippedisk_verify.model.exact import exact, fraction, integer_between, quotient, short_text
+from tippedisk_verify.model.equations import Ops, checked_speed, equation_terms
+from tippedisk_verify.model.exact import (
+    exact,
+    fraction,
+    integer_between,
+    rational_in_context,
+    short_text,
+)
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits, bits_for_digits, checked_digits
+from tippedisk_verify.model.precision import bits_for_digits, checked_digits, precision_of_bits
 from tippedisk_verify.model.results import Printable, quantity
 from tippedisk_verify.theory.equilibria import EquilibriumName, location
 from tippedisk_verify.theory.hopf import omega_crit
@@ -107,11 +113,16 @@ def first_correction(ops: Ops, constants: Constants, omega: Any, beta: Any, gamm
     by_gamma = (
         -constants.e * omega * sin_b * (sin_g / rho + constants.e * cos_g * cos_g / (rho * rho))
     )
-    parts = terms(ops, constants, omega, beta, gamma, rolling)
+    parts = equation_terms(ops, constants, omega, beta, gamma, rolling)
     inertial = (parts.gyroscopic + parts.gravity) / parts.mass  # g_1, Eq. per_g1
     # d(g_0)/d(v)
     rate = (
-        -constants.mu * constants.m * constants.g * parts.direction * parts.direction / parts.mass
+        -constants.mu
+        * constants.m
+        * constants.g
+        * parts.force_direction
+        * parts.force_direction
+        / parts.mass
     )
     return (by_beta * rolling - by_gamma * omega * cos_b - inertial) / rate
 
@@ -141,12 +152,12 @@ def attraction_rate(ops: Ops, constants: Constants, beta: Any, gamma: Any) -> An
     Args:
         ops, constants, beta, gamma: As for `critical_manifold`.
     """
-    parts = terms(ops, constants, 0, beta, gamma, 0)
+    parts = equation_terms(ops, constants, 0, beta, gamma, 0)
     return (
         -constants.mu
         * constants.m
         * constants.g
-        * parts.direction**2
+        * parts.force_direction**2
         / parts.mass
         / constants.epsilon
     )
@@ -377,11 +388,11 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
         """Return the speed at which the reduced flow's trace at inverted spinning is zero, by the
         secant method.
         """
-        ctx = bits(working_bits).context
+        ctx = precision_of_bits(working_bits).context
 
         def trace(speed: Any) -> Any:
             linearised = reduced_equilibrium(parameters, speed, "inverted", order, working_bits)
-            return quotient(ctx, fraction(linearised.trace))
+            return rational_in_context(ctx, fraction(linearised.trace))
 
         try:
             return ctx.findroot(
@@ -551,7 +562,7 @@ def _expansion(
 
 def _constants(parameters: Parameters) -> Constants:
     """Return the disk's parameters in the precision of gmpy2's present context."""
-    *rational, _ = parameters.rational()
+    *rational, _ = parameters.rational_constants()
     return Constants(*map(gmpy2.mpfr, rational))._replace(pi=gmpy2.const_pi())
 
 

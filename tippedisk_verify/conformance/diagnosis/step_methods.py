@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.tables import Array, Table
-from tippedisk_verify.model.equations import STATE_NAMES, field
+from tippedisk_verify.model.equations import STATE_NAMES, vector_field
 from tippedisk_verify.model.parameters import Constants
 
 __all__ = ["recognised_method"]
@@ -78,7 +78,7 @@ def recognised_method(table: Table) -> str:
         return ""
     r, e, m, A, B, g, mu, epsilon, omega, *start = (table.inputs[x][rows] for x in _INPUTS)
     Bbar = B - m * e**2
-    vector_field = field(
+    rhs = vector_field(
         np,
         Constants(r, e, m, A, B, Bbar, g, mu, epsilon, A / m, Bbar / m, mu * g / epsilon, mu * g),
         omega,
@@ -86,7 +86,7 @@ def recognised_method(table: Table) -> str:
     )
 
     def errors_of(scheme: Scheme, step: float) -> Array:
-        return np.asarray(_flown(vector_field, np.array(start), time, step, scheme) - truths)
+        return np.asarray(_flown(rhs, np.array(start), time, step, scheme) - truths)
 
     size = float(np.linalg.norm(errors))
     for name, scheme in _METHODS.items():

@@ -12,7 +12,7 @@ import numpy as np
 
 from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.grading import Grade
-from tippedisk_verify.model.decimals import arithmetic
+from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
@@ -129,7 +129,7 @@ class Table(Answered):
         return Answered(answer, truth, allowed, left > 0)
 
 
-@arithmetic()
+@decimal_arithmetic()
 def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
     """Return the tables of a sheet, one for each kind and friction law.
 

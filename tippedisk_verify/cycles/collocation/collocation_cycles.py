@@ -97,7 +97,7 @@ def collocation_cycle(
             is out of range.
         NoSuchCycleError: If there is no cycle at this speed, or the balance does not converge.
     """
-    parameters.refuse_two_sides("harmonic balance is")
+    parameters.refuse_two_sided_law("harmonic balance is")
     speed = checked_speed(omega)
     if harmonics is not None and integer_between(harmonics, 1, _MAX_HARMONICS) is None:
         raise InputError(
@@ -198,7 +198,7 @@ def collocation_rotating_cycle(
         InputError: If the law has two sides, or the speed is not positive.
         NoSuchCycleError: If collocation finds no such cycle.
     """
-    parameters.refuse_two_sides("spectral collocation is")
+    parameters.refuse_two_sided_law("spectral collocation is")
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     start = rotating_point_at(parameters, float(speed), stable)
@@ -269,7 +269,7 @@ def collocation_fold(
         InputError: If the law has two sides.
         NoSuchCycleError: If collocation finds no fold.
     """
-    parameters.refuse_two_sides("spectral collocation is")
+    parameters.refuse_two_sided_law("spectral collocation is")
     digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 

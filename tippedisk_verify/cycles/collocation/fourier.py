@@ -33,10 +33,15 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.model.equations import field, jacobian, shifted
-from tippedisk_verify.model.exact import quotient
+from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
+from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, FUNCTIONS, bits, bits_for_digits
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    FUNCTION_NAMES,
+    bits_for_digits,
+    precision_of_bits,
+)
 
 __all__ = [
     "MAX_SAMPLES",
@@ -60,7 +65,7 @@ def _on_arrays(ctx: Any) -> SimpleNamespace:
     numbers.
     """
     return SimpleNamespace(
-        **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTIONS}
+        **{name: numpy.frompyfunc(getattr(ctx, name), 1, 1) for name in FUNCTION_NAMES}
     )
 
 
@@ -101,14 +106,18 @@ class Collocation:
     def __init__(
         self, parameters: Parameters, kind: CycleKind, count: int, digits: int | None = None
     ) -> None:
-        self.ctx: Any = None if digits is None else bits(bits_for_digits(digits)).context
+        self.ctx: Any = (
+            None if digits is None else precision_of_bits(bits_for_digits(digits)).context
+        )
         ctx = self.ctx
         self.parameters, self.kind, self.count = parameters, kind, count
         self.pi: Any = math.pi if ctx is None else ctx.pi
-        self.constants: Constants = parameters.at(DOUBLE) if ctx is None else parameters.within(ctx)
+        self.constants: Constants = (
+            parameters.constants_in(DOUBLE) if ctx is None else parameters.constants_in_context(ctx)
+        )
         functions: Any = numpy if ctx is None else _on_arrays(ctx)
         self.sin, self.cos = functions.sin, functions.cos
-        self._ops = shifted(functions)
+        self._ops = shifted_ops(functions)
         self.differentiation_matrix, integral = _operators(
             kind, count, None if ctx is None else ctx.prec
         )
@@ -128,7 +137,7 @@ class Collocation:
         arithmetic.
         """
         if isinstance(value, Fraction):
-            return float(value) if self.ctx is None else quotient(self.ctx, value)
+            return float(value) if self.ctx is None else rational_in_context(self.ctx, value)
         return (
             value.astype(float)
             if self.ctx is None
@@ -176,7 +185,9 @@ class Collocation:
         """
         beta, frequency, omega = point[:-2], point[-2], point[-1]
         gamma, v = self.motion(point)
-        rate = field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[2]
+        rate = vector_field(self._ops, self.constants, omega, self.parameters.law)(beta, gamma, v)[
+            2
+        ]
         closing = omega * self._mean(self.sin(beta)) - self.kind.rotations * frequency
         return numpy.append(frequency * self.derivative_at_samples(v) - rate, closing)
 
@@ -233,7 +244,7 @@ class Collocation:
         by_beta, by_gamma, by_v = self.acceleration_gradient(point)
         swing = gamma - self._growth
         curve = self.differentiation_matrix @ beta
-        stepped = field(
+        stepped = vector_field(
             self._ops, self.constants, complex(omega, _COMPLEX_STEP), self.parameters.law
         )
         rows = numpy.zeros((n + 1, n + 2))
@@ -270,7 +281,7 @@ def _operators(kind: CycleKind, count: int, precision: int | None) -> tuple[Any,
     with k below n, odd for half a period and even for a whole one. Above double the matrices are
     whole numbers, in units of 2^-(precision + _EXTRA_BITS).
     """
-    ctx = None if precision is None else bits(precision).context
+    ctx = None if precision is None else precision_of_bits(precision).context
     pi, sin, zero = (math.pi, math.sin, 0.0) if ctx is None else (ctx.pi, ctx.sin, ctx.zero)
     halves = kind.value
     sines = [sin(pi * j / count) for j in range(count)]

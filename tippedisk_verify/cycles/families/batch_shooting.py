@@ -24,7 +24,7 @@ from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
 from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.friction import LAWS
 
 __all__ = ["BatchCycles", "shoot_batch"]
@@ -106,7 +106,7 @@ def shoot_batch(
 
     Args:
         section: The section.
-        constants: The constants (6,) or (n, 6), see `flow.batch.field_constants`.
+        constants: The constants (6,) or (n, 6), see `flow.batch.equation_constants`.
         omegas: The speeds (n,) [rad/s]; guesses with ``free_omega``.
         guess: The section's coordinates and the flight time, (3, n).
         batch_engine: The engine of the flights.
@@ -297,7 +297,7 @@ def _rates(constants: Array, omegas: Array, states: Array) -> Array:
     """
     law = LAWS["linear"]
     by_name = constants_of((omegas, *constants.T), law)
-    return numpy.stack(field(shifted(numpy), by_name, omegas, law)(*states.T), axis=1)
+    return numpy.stack(vector_field(shifted_ops(numpy), by_name, omegas, law)(*states.T), axis=1)
 
 
 def _inverse(matrices: Array) -> Any:

@@ -27,7 +27,7 @@ from tippedisk_verify.cycles.shooting.newton import Iterate, StoppingRule, newto
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
@@ -422,7 +422,7 @@ def batch_solver(
         parameters: The disk, under the linear law.
         batch_engine: The engine of the flights.
     """
-    return partial(_solve_batch, section, field_constants(parameters), batch_engine)
+    return partial(_solve_batch, section, equation_constants(parameters), batch_engine)
 
 
 def _solve_batch(

@@ -29,10 +29,10 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
     Precision,
-    bits,
     bits_for_digits,
     checked_digits,
-    companion,
+    precision_of_bits,
+    wider_precision,
 )
 from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
@@ -59,7 +59,7 @@ __all__ = [
 # err alike, by some 1e-9.
 _DIFFERENCE_STEP = 1e-5
 _MAX_MOVE = 0.01  # the largest relative distance of a fold from its start
-_SECOND_PRECISION = bits(192)  # the arithmetic of the second attempt
+_SECOND_PRECISION = precision_of_bits(192)  # the arithmetic of the second attempt
 # The amplitude [rad] below which the law of fourth order is a better start than doubles are.
 _SMALL_FOLD = 0.1
 _GUARD_DIGITS = 12  # digits that two nearly parallel conditions and the flight cost
@@ -270,7 +270,9 @@ def fold_to_digits(
     Raises:
         AccuracyError: If the fold is not found, or the digits are not reached.
     """
-    fold = _fold_in(kind, parameters, guess, engine, bits(bits_for_digits(digits + _GUARD_DIGITS)))
+    fold = _fold_in(
+        kind, parameters, guess, engine, precision_of_bits(bits_for_digits(digits + _GUARD_DIGITS))
+    )
     for name in ("omega", "period", *kind.section.coordinate_names):
         number = getattr(fold, name)
         if number.uncertainty > abs(number.value) / 10**digits:
@@ -300,7 +302,7 @@ def _fold_in(
             start, jacobian = fold_near(kind.section, parameters, guess, engine, arithmetic)
             coarse = _numbers(kind.section, parameters, start, jacobian, engine, precision)
             accurate = _numbers(
-                kind.section, parameters, start, jacobian, engine, companion(precision)
+                kind.section, parameters, start, jacobian, engine, wider_precision(precision)
             )
         except (AccuracyError, NoSuchCycleError, numpy.linalg.LinAlgError):
             if arithmetic is _SECOND_PRECISION:

@@ -31,7 +31,7 @@ from tippedisk_verify.cycles.families.family import Family
 from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.batch import BatchTaylor, field_constants
+from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import DOUBLE
@@ -83,7 +83,7 @@ class FamilyInterpolant:
     def __init__(self, family: Family, batch_engine: BatchTaylor) -> None:
         family.parameters.refuse_unless_linear("cycles in batches are")
         self.family, self._batch_engine, self._section = family, batch_engine, family.section
-        self._constants = field_constants(family.parameters)
+        self._constants = equation_constants(family.parameters)
         nodes = family.nodes.T
         self._s = nodes[0]
         first = family.coordinate(self._s)

@@ -36,7 +36,7 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, bits
+from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
 __all__ = [
@@ -105,7 +105,9 @@ def _cycle_in_arithmetic(
         section, parameters, omega, omega_h, engine, digits=digits
     )
     precision = fixed_point.return_map.precision
-    return cycle_in_precision(fixed_point, precision, bits(precision.bits + _EXTRA_BITS))
+    return cycle_in_precision(
+        fixed_point, precision, precision_of_bits(precision.bits + _EXTRA_BITS)
+    )
 
 
 def fixed_point_by_integration(

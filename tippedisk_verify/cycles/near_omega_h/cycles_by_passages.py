@@ -38,7 +38,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, bits, companion
+from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits, wider_precision
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = [
@@ -72,7 +72,7 @@ _COARSER_SETTINGS = tuple(
         speed_count=7,
         max_start_ratio=0.004,
         max_distance=max_distance,
-        rounding=k,
+        perturbation_pattern=k,
     )
     for k, (section_ratio, arrival_ratio, max_distance) in enumerate(
         ((0.09, 0.06, 3e-5), (0.08, 0.07, 5e-5), (0.075, 0.065, 4e-5), (0.07, 0.075, 6e-5)), start=1
@@ -148,7 +148,7 @@ def cycle_by_passages(
     )
     if section is LIBRATING:
         gap = measured["gamma_bar_0"]
-        pi = fraction(bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
+        pi = fraction(precision_of_bits(_PI_BITS + gap.uncertainty.denominator.bit_length()).pi)
         measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
     cycle = cycle_from_numbers(
         section,
@@ -327,7 +327,7 @@ def _passages_exist(parameters: Parameters, engine: Engine, omega_h: Fraction) -
 
     The machine and the engine must compute in 64 bits, and the saddle value must be negative.
     """
-    extended = companion(DOUBLE) == EXTENDED and engine.measures_error
+    extended = wider_precision(DOUBLE) == EXTENDED and engine.measures_error
     return extended and saddle_value_sign(parameters, omega_h) < 0
 
 

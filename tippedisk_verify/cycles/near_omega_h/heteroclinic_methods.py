@@ -14,7 +14,11 @@ from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, heteroclinic_at
-from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero, unmeasured_zero
+from tippedisk_verify.connection.splitting import (
+    MAX_DIGITS,
+    omega_h_without_half_width,
+    splitting_zero,
+)
 from tippedisk_verify.cycles.near_omega_h.period_continuation import limit_of_cycles
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
@@ -71,7 +75,9 @@ def heteroclinic(
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
         if half_widths:
             zero = splitting_zero(parameters, guess, engine, digits)
-        omega_h = zero.omega_h if zero else unmeasured_zero(parameters, guess, engine, digits)
+        omega_h = (
+            zero.omega_h if zero else omega_h_without_half_width(parameters, guess, engine, digits)
+        )
     elif method == "limit-cycles":
         omega_h = limit_of_cycles(parameters, engine, digits)
     else:

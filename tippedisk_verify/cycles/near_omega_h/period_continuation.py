@@ -28,10 +28,16 @@ from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction, quotient
+from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, Precision, bits, bits_for_digits
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    QUADRUPLE,
+    Precision,
+    bits_for_digits,
+    precision_of_bits,
+)
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import refuse_focus
 
@@ -207,10 +213,10 @@ class SpeedAsymptotics:
     def __init__(
         self, parameters: Parameters, first: PeriodPoint, second: PeriodPoint, precision: Precision
     ) -> None:
-        ctx = self._ctx = bits(precision.bits + 16).context
+        ctx = self._ctx = precision_of_bits(precision.bits + 16).context
 
         def mpf(value: Any) -> Any:
-            return quotient(ctx, fraction(value))
+            return rational_in_context(ctx, fraction(value))
 
         digits = max(15, precision.digits)
         eigenvalues = equilibrium(
@@ -234,7 +240,7 @@ class SpeedAsymptotics:
         Args:
             above: Omega - Omega_h [rad/s]; negative below Omega_h.
         """
-        ctx, target = self._ctx, quotient(self._ctx, above)
+        ctx, target = self._ctx, rational_in_context(self._ctx, above)
         # The larger of the two terms gives the start.
         ahead = max(
             ctx.log(term / target) / rate
@@ -405,7 +411,7 @@ def precision_near_omega_h(
     )
     power = 1 + unstable / (unstable - slow)
     needed = bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -log10(abs(above)))))
-    return QUADRUPLE if needed <= QUADRUPLE.bits else bits(needed)
+    return QUADRUPLE if needed <= QUADRUPLE.bits else precision_of_bits(needed)
 
 
 def log10(value: Fraction) -> float:

@@ -30,7 +30,7 @@ from tippedisk_verify.connection.splitting import first_arrival
 from tippedisk_verify.cycles.shooting.section import BETA_EXTREMUM
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
-from tippedisk_verify.model.equations import field
+from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import EXTENDED
@@ -38,7 +38,7 @@ from tippedisk_verify.theory.saddle_chart import (
     ANGLE_OPS,
     ChartFamily,
     SaddleChart,
-    angles,
+    angles_and_v,
     solve_linear,
 )
 from tippedisk_verify.theory.saddle_manifolds import Saddle
@@ -78,7 +78,9 @@ class PassageSettings(NamedTuple):
     max_start_ratio: float
     #: The reach [rad/s] of the other flights' speeds from Omega_h, and so of cycles
     max_distance: float
-    rounding: int | None = None  #: the pattern by which the last bits of parameters and starts move
+    perturbation_pattern: int | None = (
+        None  #: the pattern by which the last bits of parameters and starts move
+    )
 
 
 class ChartFlight(NamedTuple):
@@ -128,7 +130,7 @@ class GlobalMap:
     ) -> None:
         self.parameters, self.settings = parameters, settings
         saddle = Saddle(parameters, omega_h, 80, 1)
-        sides = [saddle.side(which) for which in (0, 1)]
+        sides = [saddle.law_side(which) for which in (0, 1)]
         #: The charts where an orbit leaves a saddle and where it arrives at the next one.
         self.leaving, self.arriving = (
             _charts(parameters, omega_h, side, settings.chart_order, settings.chart_bands)
@@ -136,10 +138,11 @@ class GlobalMap:
         )
         self.one_sided = sides[0] == sides[1]
         chart = self.leaving.at(EXTENDED.number(0))
-        self.u_1 = EXTENDED.type(settings.section_ratio * chart.radius(0))
+        self.u_1 = EXTENDED.number_type(settings.section_ratio * chart.convergence_radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
-            chart, settings.section_ratio * self.arriving.at(EXTENDED.number(0)).radius(1)
+            chart,
+            settings.section_ratio * self.arriving.at(EXTENDED.number(0)).convergence_radius(1),
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
@@ -222,7 +225,7 @@ class GlobalMap:
             precision=EXTENDED,
             divergence=True,
             events=(BETA_EXTREMUM, GAMMA_TOP),
-            rounding=self.settings.rounding,
+            perturbation_pattern=self.settings.perturbation_pattern,
         )
         flight = self._engine(request)
         if flight.status is not Status.REACHED:
@@ -259,7 +262,9 @@ class GlobalMap:
         ]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
         values = numpy.array([self._arrival(*place) for place in places])
-        coefficients = numpy.zeros((count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.type)
+        coefficients = numpy.zeros(
+            (count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.number_type
+        )
         for (k, n), row in zip(powers, solve_linear(matrix, values), strict=True):
             coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
         coefficients[0, 0, 0] = 0
@@ -287,7 +292,7 @@ class SaddleToSaddleMap:
         )
         parameters = global_map.parameters
         self._crosses = parameters.law.two_sided and global_map.one_sided == (symmetry_sign == -1)
-        self._constants = parameters.at(EXTENDED)
+        self._constants = parameters.constants_in(EXTENDED)
         self._omega = EXTENDED.number(global_map._omega_h) + distance
 
     def __call__(self, sigma: Any) -> LinearPassage:
@@ -318,7 +323,7 @@ class SaddleToSaddleMap:
         return LinearPassage(end[1], sum(piece.time for piece in pieces), arrival, pieces)
 
     def _sliding(self, y: Any) -> Any:
-        return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles(y))
+        return SLIDING_REVERSAL.function(ANGLE_OPS, self._constants, self._omega, *angles_and_v(y))
 
     def fixed_point(self) -> tuple[Any, Any, list[float]]:
         """Solve for the map's fixed point, the limit cycle. The distance must be real.
@@ -352,14 +357,14 @@ class SaddleToSaddleMap:
         Args:
             piece: A piece of a passage.
         """
-        rates_of = field(
+        rates_of = vector_field(
             ANGLE_OPS, self._constants, self._omega, self.global_map.parameters.friction
         )
         along = []
         for point in (piece.start, piece.end):
-            rates = numpy.array(rates_of(*angles(piece.chart.at(point))))
+            rates = numpy.array(rates_of(*angles_and_v(piece.chart.at(point))))
             along.append(
-                piece.chart.slopes(point)
+                piece.chart.derivative(point)
                 @ (piece.chart.eigenvalues * point)
                 @ rates
                 / (rates @ rates)
@@ -409,21 +414,23 @@ def half_period_matrix(rest: Sequence[ChartFlight], multiplier: Any, time_by_sig
         time_by_sigma: The derivative of the passage's time with respect to sigma [s].
     """
     first, last = rest[0], rest[-1]
-    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.type)
+    slow, fast = numpy.eye(3)[1:].astype(EXTENDED.number_type)
     ahead = first.chart.flow(slow, first.time)
     if first is not last:
-        turned = first.symmetry_sign * last.symmetry_sign * first.chart.slopes(first.end)
-        over = solve_linear(last.chart.slopes(last.start), turned)
+        turned = first.symmetry_sign * last.symmetry_sign * first.chart.derivative(first.end)
+        over = solve_linear(last.chart.derivative(last.start), turned)
         fast = first.chart.flow(solve_linear(over, fast[:, None])[:, 0], -first.time)
         ahead = last.chart.flow(over @ ahead, last.time)
     exit_rates, rates = last.chart.eigenvalues * last.end, first.chart.eigenvalues * first.start
     rho = ahead[0] / exit_rates[0]
     kappa = ahead[1] - rho * exit_rates[1]
-    basis = first.chart.slopes(first.start) @ numpy.stack(
+    basis = first.chart.derivative(first.start) @ numpy.stack(
         (rates, slow, fast / abs(fast).max()), axis=1
     )
     along = rho * (1 - multiplier) - kappa * time_by_sigma
-    images = basis @ numpy.array([[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.type)
+    images = basis @ numpy.array(
+        [[1, along, 0], [0, multiplier, 0], [0, 0, 0]], EXTENDED.number_type
+    )
     return solve_linear(basis.T, images.T).T
 
 
@@ -438,7 +445,7 @@ def _flight_to_zero(
     Raises ArithmeticError if the orbit does not meet a zero on its way from the stable to the
     unstable manifold.
     """
-    row = chart.along(gradient)
+    row = chart.gradient_in_chart(gradient)
     growth = chart.eigenvalues[0] - chart.eigenvalues[1]
     ratio = -row[1] * start[1] / (row[0] * start[0])
     if not ratio.real > 0:
@@ -464,7 +471,7 @@ def integral_of_divergence(pieces: Sequence[ChartFlight]) -> Any:
     """
     total = 0
     for piece in pieces:
-        ends = (_determinant(piece.chart.slopes(point)) for point in (piece.end, piece.start))
+        ends = (_determinant(piece.chart.derivative(point)) for point in (piece.end, piece.start))
         total += piece.chart.eigenvalues.sum() * piece.time + numpy.log(next(ends) / next(ends))
     return total
 

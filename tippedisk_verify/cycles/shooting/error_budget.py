@@ -37,11 +37,17 @@ from tippedisk_verify.cycles.shooting.newton import FixedPoint, Iterate, Stoppin
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
-from tippedisk_verify.flow.system import nudge
+from tippedisk_verify.flow.system import perturb_last_bits
 from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, Precision, bits, bits_for_digits, companion
+from tippedisk_verify.model.precision import (
+    DOUBLE,
+    Precision,
+    bits_for_digits,
+    precision_of_bits,
+    wider_precision,
+)
 from tippedisk_verify.progress import report_share, subrange
 
 __all__ = [
@@ -110,7 +116,9 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
     """
     if not half_widths:
         precision = (
-            DOUBLE if digits <= _DOUBLE_DIGITS else bits(bits_for_digits(digits + EXTRA_DIGITS))
+            DOUBLE
+            if digits <= _DOUBLE_DIGITS
+            else precision_of_bits(bits_for_digits(digits + EXTRA_DIGITS))
         )
         numbers = numbers_in_precision(fixed_point, precision)
         unmeasured = {
@@ -118,11 +126,11 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
         }
         return _cycle_from_fixed_point(fixed_point, unmeasured, precision)
     draws, doubles = _twins(fixed_point), list[dict[str, Any]]()
-    wanted, wider = max(digits, _DOUBLE_DIGITS), companion(DOUBLE)
+    wanted, wider = max(digits, _DOUBLE_DIGITS), wider_precision(DOUBLE)
     for precision, twins in (
         (DOUBLE, TWINS),
         (wider, WIDER_TWINS),
-        (companion(wider), WIDER_TWINS),
+        (wider_precision(wider), WIDER_TWINS),
     ):
         if wanted + _LOST_DIGITS <= precision.digits:
             doubles += islice(draws, 1 + twins - len(doubles))
@@ -152,7 +160,7 @@ def cycle_beyond_double(fixed_point: FixedPoint[C], digits: int, more: int = EXT
     """
     name: str | None = None
     for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
-        cycle = cycle_in_precision(fixed_point, bits(bits_for_digits(digits + extra)))
+        cycle = cycle_in_precision(fixed_point, precision_of_bits(bits_for_digits(digits + extra)))
         if (name := _first_without_digits(cycle, digits)) is None:
             return cycle
     raise AccuracyError(
@@ -172,7 +180,7 @@ def cycle_in_precision(
     Args:
         fixed_point: The end of Newton's iteration in double.
         precision: The arithmetic.
-        wider: The arithmetic that measures the error; None for the companion of ``precision``.
+        wider: The arithmetic that measures the error; None for the one wider than ``precision``.
 
     Raises:
         AccuracyError: If the iteration does not settle.
@@ -186,7 +194,7 @@ def cycle_in_precision(
         numbers, _, accurate_fixed_point = _solve_in_precision(fixed_point, precision)
     with subrange(_FIRST_RUN_SHARE, 1):
         accurate, remaining_error, _ = _solve_in_precision(
-            accurate_fixed_point, wider or companion(precision)
+            accurate_fixed_point, wider or wider_precision(precision)
         )
     return _cycle_from_fixed_point(
         fixed_point,
@@ -334,7 +342,7 @@ def _twins(fixed_point: FixedPoint[C]) -> Iterator[dict[str, Any]]:
         # the residual is the same, often zero, over many starts. A change of the arrival by one
         # unit in the last place shows it.
         arrival = [now + before for now, before in zip(image.residual, point, strict=True)]
-        moved = nudge(arrival, pattern + 2, DOUBLE)
+        moved = perturb_last_bits(arrival, pattern + 2, DOUBLE)
         residual = [
             now + (other - whole)
             for now, whole, other in zip(image.residual, arrival, moved, strict=True)

@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
-from tippedisk_verify.model.equations import field, shifted
+from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision
@@ -145,8 +145,11 @@ class ReturnMap(Generic[C]):
         self.section, self.parameters, self.omega = section, parameters, omega
         self.engine, self.precision = engine, precision
         self._omega = precision.number(omega)  # converted once, not at every start
-        self._rates = field(
-            shifted(precision.ops), parameters.at(precision), self._omega, parameters.friction
+        self._rates = vector_field(
+            shifted_ops(precision.ops),
+            parameters.constants_in(precision),
+            self._omega,
+            parameters.friction,
         )
         self._growth = precision.number(0) + 2 * section.rotations * precision.pi
         # The start lies past the section by far less than rounding. If the section's function were

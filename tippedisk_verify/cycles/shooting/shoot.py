@@ -154,7 +154,7 @@ def amplitude_law_guess(return_map: ReturnMap[LimitCycle]) -> tuple[float, float
     Raises:
         NoSuchCycleError: If the law has no cycle at the speed, or one that is too large.
     """
-    law = section_start(return_map.parameters.at(DOUBLE), float(return_map.omega))
+    law = section_start(return_map.parameters.constants_in(DOUBLE), float(return_map.omega))
     if law is None or law[0] >= _MAX_LAW_AMPLITUDE:
         raise NoSuchCycleError("the one-harmonic law has no cycle at this speed that is a guess")
     return law[0], law[1]

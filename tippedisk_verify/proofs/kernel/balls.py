@@ -165,7 +165,7 @@ def _rational(value: Fraction) -> Any:
 
 def ball_constants(parameters: Any) -> Any:
     """Return a disk's constants as balls that hold the exact values, at the working precision."""
-    exact = parameters.rational()
+    exact = parameters.rational_constants()
     return type(exact)(*map(ball, exact))
 
 

@@ -366,12 +366,12 @@ class _EndSearch(ChoiceSearch):
         if a flight does not arrive.
         """
         assert self.connection.parameters is not None
-        constants = self.connection.parameters.at(DOUBLE)
+        constants = self.connection.parameters.constants_in(DOUBLE)
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()])
             for m in (n.saddle.directions, n.saddle.inverse)
         )
-        rates = equations.field(equations.shifted(np), constants, speeds, "linear")
+        rates = equations.vector_field(equations.shifted_ops(np), constants, speeds, "linear")
         u, s, _ = map(float, n.extents)
         turn = np.array([[0.0], [math.pi], [0.0]])
         x = to_y @ np.array([np.full(len(slow), u), slow, 0 * slow]) - turn

@@ -20,7 +20,7 @@ from typing import Any, ClassVar, NamedTuple
 from flint import arb, arb_mat
 
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, rounded_up
+from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_up
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -300,7 +300,7 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
     row are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable
     and two real stable directions.
     """
-    found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
+    found = exact_polynomial(parameters.rational_constants(), speed, NONINVERTED).complex_roots()
     roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
         raise NoConnectionError(
@@ -509,4 +509,4 @@ def _share_of_reach(curve: ManifoldGraph) -> Any:
 def _decimal_above(x: Any) -> Fraction:
     """Return a decimal of two digits above all sizes in the ball."""
     enclosure = widened(ball_to_measured(abs(x)))
-    return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))
+    return Fraction(round_up(enclosure.value + enclosure.uncertainty))

@@ -14,7 +14,7 @@ from fractions import Fraction
 from operator import sub
 from typing import Any, NamedTuple, cast
 
-from tippedisk_verify.model.decimals import exact_text, rounded_up
+from tippedisk_verify.model.decimals import exact_text, round_up
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
@@ -407,4 +407,4 @@ def piece_entry(piece: Piece) -> dict[str, object]:
 
 def two_digits(value: Fraction) -> Fraction:
     """Return the least decimal of two significant digits that is at least ``value`` > 0."""
-    return Fraction(rounded_up(value))
+    return Fraction(round_up(value))

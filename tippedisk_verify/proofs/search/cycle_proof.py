@@ -16,7 +16,7 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import rounded_down
+from tippedisk_verify.model.decimals import round_down
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.measured import Measured
@@ -167,7 +167,7 @@ def _decimal_below(x: Any) -> str:
     """
     enclosure = ball_to_measured(x)
     least = enclosure.value - enclosure.uncertainty
-    return rounded_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
+    return round_down(least * (1 - Fraction(1, 2**20))) if least > 0 else "0"
 
 
 def prove_cycle(

@@ -13,7 +13,7 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.model.decimals import exact_text, rounded_down
+from tippedisk_verify.model.decimals import exact_text, round_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
@@ -63,7 +63,7 @@ class FamilyProof(Proof):
 
         Raises InputError for a disk without the closed forms' hypotheses.
         """
-        check_linearization(self.parameters.rational())
+        check_linearization(self.parameters.rational_constants())
         with working_precision(_BITS):
             return not curve_fault(parameter_texts(self.parameters), self.pieces)
 
@@ -132,7 +132,7 @@ class FamilyProof(Proof):
             amplitude_end=self.pieces[-1].high,
             omega_end=self.omega_end,
             unique_within=dict(
-                zip(names, map(rounded_down, unique_within(self.pieces)), strict=True)
+                zip(names, map(round_down, unique_within(self.pieces)), strict=True)
             ),
         )
         if self.end is not None and self.end_closed:
