@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic
 from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, verify_content
-from tippedisk_verify.proofs.kernel.certificates.connection import _departure
+from tippedisk_verify.proofs.kernel.certificates.connection import _enclose_unstable_branch
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
 
@@ -127,7 +127,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one(text: st
         }
         saddle = SaddleCoordinates(claim["parameters"], "linear", omega, mixed)
         with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
-            _departure(saddle, lambda name, *_: choices[name])
+            _enclose_unstable_branch(saddle, lambda name, *_: choices[name])
 
 
 @pytest.mark.parametrize(

@@ -211,8 +211,8 @@ def connected(
     n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
     offsets = [saddle.offset([arb(x) for x in z]) for z in pieces]
     states = [(beta, y + arb.pi(), v) for beta, y, v in offsets]
-    module._require_connection_in_box(
-        n, SimpleNamespace(room=tuple(map(Fraction, room)), pieces=states)
+    module._require_branch_in_box(
+        n, SimpleNamespace(arrival_box=tuple(map(Fraction, room)), branch_boxes=states)
     )
 
 

@@ -198,6 +198,6 @@ def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(
     connection: ProvedConnection,
 ) -> None:
     """All other hypotheses of the theorem are there."""
-    assert connection.slowly
+    assert connection.arrives_along_slow_direction
     assert connection.limit_cycle is None
     assert replace(connection, parameters=PRINTED).limit_cycle is not None

@@ -41,10 +41,10 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     CHOICES,
     EIGENVALUES,
-    SIDES,
+    OPPOSITE_SIDES_REFUSAL,
     EnclosedConnection,
-    one_speed_stays,
-    room_keeps_orbits,
+    arrival_box_contains_branch,
+    is_unique_connecting_speed,
     verify_connection,
 )
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
@@ -70,9 +70,9 @@ from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 __all__ = [
     "MAX_DIGITS",
+    "ArrivalBox",
     "ConnectionStatus",
     "ProvedConnection",
-    "UniquenessBox",
     "eigenvectors",
     "prove_connection",
     "series_of_curve",
@@ -111,8 +111,8 @@ class ConnectionStatus(Enum):
     CONES = "the cone conditions at a saddle are not proved: ask for more digits"
 
 
-class UniquenessBox(NamedTuple):
-    """A box about the second saddle, given by its half-lengths.
+class ArrivalBox(NamedTuple):
+    """The box about the second saddle in which the branch arrives, given by its half-lengths.
 
     It consists of the states with |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <=
     ``v`` [rad, rad, rad/s].
@@ -150,13 +150,16 @@ class ProvedConnection(Printable, Proof):
     unique: bool = False  #: no second speed of I has a connection of this kind
     #: Unstable, slow stable, fast stable [1/s], for every speed of I
     saddle_eigenvalues: tuple[Measured, ...] = ()
-    room: UniquenessBox | None = None  #: the box in which the branch stays
-    upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
+    #: The box in which the branch stays, under its name in JSON
+    room: ArrivalBox | None = None
+    #: |beta - pi/2| < pi/2 all along: the disk never lies flat; the name is that in JSON
+    upright: bool = False
     bits: int = 0  #: working precision of the last pass
     where: str = ""  #: the inequality that fails
-    slowly: bool = False  #: the connection comes in along the slow stable direction
+    #: The connection comes in along the slow stable direction
+    arrives_along_slow_direction: bool = False
     #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
-    turns_back: str = ""
+    gamma_falls_beyond: str = ""
     parameters: Parameters | None = None  #: the disk of the proof
     verified: EnclosedConnection | None = None  #: the kernel's result
     #: The choices that the kernel has accepted
@@ -204,20 +207,20 @@ class ProvedConnection(Printable, Proof):
         if not (
             self.proved
             and self.unique
-            and self.slowly
+            and self.arrives_along_slow_direction
             and value
             and value.value + value.uncertainty < 0
         ):
             return None
         if self.parameters is not None and self.parameters.law.two_sided:
             return None  # the theorem asks for a smoother field
-        other = "below" if self.turns_back == "above" else "above"
+        other = "below" if self.gamma_falls_beyond == "above" else "above"
         return (
             "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's "
             "theorem: with gamma "
             "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in "
             "which, for all speeds "
-            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} "
+            f"close enough to Omega_h, there is exactly one periodic orbit {self.gamma_falls_beyond} "
             f"Omega_h and none {other} "
             "it or at it; the orbit is asymptotically stable, the point symmetry maps it to "
             "itself, and its period "
@@ -278,11 +281,11 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 omega_h=Measured(middle, half_width),
                 unique=verified.unique,
                 saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=UniquenessBox(*verified.room),
-                upright=verified.upright,
+                room=ArrivalBox(*verified.arrival_box),
+                upright=verified.never_flat,
                 bits=bits,
-                slowly=verified.slowly,
-                turns_back="above" if verified.above else "below",
+                arrives_along_slow_direction=verified.arrives_along_slow_direction,
+                gamma_falls_beyond="above" if verified.gamma_falls_above_omega_h else "below",
                 parameters=parameters,
                 verified=verified,
                 evidence={name: search.log[name] for name in CHOICES},
@@ -371,7 +374,7 @@ class _ConnectionSearch(ChoiceSearch):
         "cone": ConnectionStatus.UNSTABLE_BRANCH,
         "drift": ConnectionStatus.CONES,
         "block": ConnectionStatus.BLOCK,
-        "room": ConnectionStatus.ROOM,
+        "arrival_box": ConnectionStatus.ROOM,
         "apart": ConnectionStatus.ROOM,
     }
 
@@ -397,7 +400,7 @@ class _ConnectionSearch(ChoiceSearch):
             return ConnectionStatus(fault.status)
         return (
             ConnectionStatus.SIDES
-            if str(fault) == SIDES
+            if str(fault) == OPPOSITE_SIDES_REFUSAL
             else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
         )
 
@@ -465,28 +468,30 @@ class _ConnectionSearch(ChoiceSearch):
         # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
-    def room(
+    def arrival_box(
         self,
         offset: Sequence[Any],
-        pieces: Sequence[Any],
+        branch_boxes: Sequence[Any],
         saddle: SaddleCoordinates,
         G: Sequence[Any],
     ) -> tuple[Fraction, Fraction, Fraction]:
         least = _decimal_above(offset[1])
         for gamma in (*(size for size in _BOX_EXTENTS if size > least), least):
-            after = [piece for piece in pieces if not piece[1] - arb.pi() < -ball(gamma)]
+            after = [piece for piece in branch_boxes if not piece[1] - arb.pi() < -ball(gamma)]
             beta, _, v = (
                 max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3)
             )
-            room = beta, gamma, v
+            arrival_box = beta, gamma, v
             try:
-                if room_keeps_orbits(room, offset, pieces) and one_speed_stays(
-                    saddle, room, G, lambda name, *context: self.apart(*context)
+                if arrival_box_contains_branch(
+                    arrival_box, offset, branch_boxes
+                ) and is_unique_connecting_speed(
+                    saddle, arrival_box, G, lambda name, *context: self.apart(*context)
                 ):
                     break
             except Unproved:
                 continue
-        return room
+        return arrival_box
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
         weights = [abs(G[UNSTABLE]).lower() * 7 / 8, abs_upper(G[SLOW]) * 2, abs_upper(G[FAST]) * 2]

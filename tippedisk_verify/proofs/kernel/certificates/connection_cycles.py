@@ -202,7 +202,7 @@ class CyclesNextToConnection:
 
     low: Fraction
     high: Fraction
-    above: Fraction  #: an upper bound of Omega_h [rad/s]
+    omega_h_upper_bound: Fraction  #: an upper bound of Omega_h [rad/s]
     gamma: Fraction  #: c [rad]
     v: Fraction  #: d [rad/s]
     kappa: Any = None  #: R contracts D by this factor
@@ -214,9 +214,11 @@ class CyclesNextToConnection:
 
         A fixed point of the half map in these balls is then the only one in Q.
         """
-        above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
+        omega_h_upper_bound, high, c, d = map(
+            ball, (self.omega_h_upper_bound, self.high, self.gamma, self.v)
+        )
         inside = (
-            omega - above,
+            omega - omega_h_upper_bound,
             high - omega,
             gamma_bar - arb.pi() + c,
             arb.pi() - gamma_bar,
@@ -267,7 +269,7 @@ def verify_cycles(
     n.weighted(choose("weights", n))
     entry = choose("entry", n)
     loop_map = LoopMap(n, entry)
-    _require_connection_in_box(n, connection)
+    _require_branch_in_box(n, connection)
     kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
     return CyclesNextToConnection(low, high, connection.high, c, d, kappa, loop_map.time)
@@ -485,16 +487,18 @@ def _flights(
     )
 
 
-def _require_connection_in_box(n: Passage, connection: EnclosedConnection) -> None:
+def _require_branch_in_box(n: Passage, connection: EnclosedConnection) -> None:
     """Raise Unproved unless the heteroclinic connection is shown to stay in the box N about the
     saddle from z_s = -s on, with gamma growing all along it.
 
-    The boxes ``connection.pieces`` enclose the connection.
+    The boxes ``connection.branch_boxes`` enclose the connection.
     """
     saddle, (u, s, t) = n.saddle, n.extents
-    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.arrival_box])
     require_positive("7a.3: the connection's box lies in N", u - abs(box[U]))
-    states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
+    states = [
+        (beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.branch_boxes
+    ]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
     require(first > 0, "7a.3: the connection is not shown to come from outside of N")
     for _, z in states[first:]:
@@ -526,7 +530,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextT
     """
     entries = evidence["connection"]
     claimed = {
-        "room": tuple(map(Fraction, entries["room"])),
+        "arrival_box": tuple(map(Fraction, entries["room"])),
         "eigenvalues": [tuple(map(Fraction, pair)) for pair in entries["eigenvalues"]],
     }
     omega_h = claim["numbers"]["omega_h"]
