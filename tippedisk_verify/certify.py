@@ -273,7 +273,7 @@ class Certifier:
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
-                return ProvedConnection(ConnectionStatus.NO_SADDLE, where=str(fault))
+                return ProvedConnection(ConnectionStatus.NO_SADDLE, outcome_detail=str(fault))
 
     def near_omega_h(
         self,

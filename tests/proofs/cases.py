@@ -11,7 +11,6 @@ from typing import Any
 
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
@@ -21,6 +20,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     return_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, short_float
+from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 

@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import UNKNOWNS, Arc, arc
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.step import polynomial
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.curve_choices import CurveStepSearch, family_polynomials
+from tippedisk_verify.proofs.search.arc_evidence import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle_proof import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
@@ -63,8 +63,8 @@ def flown() -> tuple[
 ]:
     """A curve with deviations in all three numbers, its flight and the flight's log."""
     with working_precision(64):
-        line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), CurveStepSearch()
-        return line, half_map_of_curves.fly(ball_constants(WIDE), line, choices), choices.log
+        line, proposer = curve("3e-4", "1e-5", 2, SWING, "0.3086"), CurveStepSearch()
+        return line, half_map_of_curves.fly(ball_constants(WIDE), line, proposer), proposer.log
 
 
 @pytest.mark.slow(minutes=0.3)

@@ -120,14 +120,14 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one(text: st
         assert P[1][0] > 0
         assert mixed[1][0] > 0
         omega = ball(fraction(claim["numbers"]["omega_h"]["value"]))
-        choices: dict[str, Any] = {
+        evidence: dict[str, Any] = {
             "unstable": {"graph": [[arb(0), arb(-2), arb(0)], [arb(0)] * 3], "reach": arb(2) ** -6},
             "cone": [arb(2) ** -4] * 2,
             "drift": [arb("0.01"), arb(4), arb(4)],
         }
         saddle = SaddleCoordinates(claim["parameters"], "linear", omega, mixed)
         with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
-            _enclose_unstable_branch(saddle, lambda name, *_: choices[name])
+            _enclose_unstable_branch(saddle, lambda name, *_: evidence[name])
 
 
 @pytest.mark.parametrize(

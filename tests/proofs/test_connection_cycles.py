@@ -16,7 +16,7 @@ import pytest
 from flint import arb, arb_mat
 
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
-from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
+from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
@@ -186,7 +186,7 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(module, "arrivals", told)
     n = SimpleNamespace(
         saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS),
-        extents=[arb(x) for x in GIVEN["extents"]],
+        extents=[arb(x) for x in EVIDENCE_VALUES["extents"]],
     )
     loop_map = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
     low, high = Fraction("30.0474"), Fraction("30.0569")
@@ -208,7 +208,7 @@ def connected(
 ) -> None:
     """Of pieces of a flight with these z about the second saddle."""
     saddle = SaddleCoordinates(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
-    n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
+    n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in EVIDENCE_VALUES["extents"]])
     offsets = [saddle.offset([arb(x) for x in z]) for z in pieces]
     states = [(beta, y + arb.pi(), v) for beta, y, v in offsets]
     module._require_branch_in_box(

@@ -256,7 +256,7 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
     proof = prove_cycle(PRINTED, omega, guess, digits=2, most_bits=64)
     assert not proof.proved
     assert status is None or proof.status is status
-    assert proof.where
+    assert proof.outcome_detail
     assert proof.statement.startswith("nothing is proved")
     assert proof.to_dict()["proved"] is False
     with pytest.raises(InputError, match="nothing is proved"):

@@ -32,13 +32,13 @@ from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
 from tippedisk_verify.proofs.kernel.step import polynomial
-from tippedisk_verify.proofs.search import curve_choices
+from tippedisk_verify.proofs.search import arc_evidence
 from tippedisk_verify.proofs.search import family_intervals as search
+from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     ConnectionCyclesStatus,
 )
-from tippedisk_verify.proofs.search.curve_choices import BITS, CurveStepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof import parameter_texts
@@ -146,8 +146,8 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
-    monkeypatch.setattr(curve_choices, "_DEGREE", 2)
-    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", ())
+    monkeypatch.setattr(arc_evidence, "_DEGREE", 2)
+    monkeypatch.setattr(arc_evidence, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)

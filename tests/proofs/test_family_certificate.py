@@ -163,7 +163,7 @@ def test_the_last_cycle_is_a_ball() -> None:
 
 @pytest.mark.parametrize("meets", [True, False])
 def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, monkeypatch) -> None:
-    """Of the last cycle the other end is asked, with the claim's numbers and its own choices."""
+    """Of the last cycle the other end is asked, with the claim's numbers and its own evidence."""
     asked: list[Any] = []
 
     def verified_end(claim: Any, evidence: Any) -> Any:
@@ -214,7 +214,9 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     class Test:
         included, within = True, (ball("1e-3"), ball("2e-3"))
 
-    def box_test(disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], choices: Any) -> Any:
+    def box_test(
+        disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], step_proposer: Any
+    ) -> Any:
         said.append([float(radius) for radius in radii])
         return Test()
 

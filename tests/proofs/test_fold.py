@@ -151,11 +151,11 @@ def test_no_fold_is_proved_beside_one(taylor, subcritical_fold) -> None:
     where no cycle passes.
     """
     short = prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH * 3 / 2))
-    assert "not proved to rise at one end" in short.where
+    assert "not proved to rise at one end" in short.outcome_detail
     held(prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH / 2)), subcritical_fold, 12)
     cycle = shoot_limit_cycle(PRINTED, "30.4", taylor, digits=25)
     without = prove_fold(PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
-    assert "not proved to rise at one end" in without.where
+    assert "not proved to rise at one end" in without.outcome_detail
     assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
     rising = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
     near = (rising.beta_bar_top.value, rising.v_top.value, "30.02")

@@ -34,8 +34,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 
 U, S, F = UNSTABLE, SLOW, FAST
 BITS = 64
-#: choices with which the printed disk's passage is shown
-GIVEN: dict[str, Any] = {
+#: the evidence with which the printed disk's passage is shown
+EVIDENCE_VALUES: dict[str, Any] = {
     "extents": [0.2, 0.2, 0.3],
     "steep": [1, 0.125, 1],
     "compound": [0.5, 1],
@@ -47,9 +47,9 @@ GIVEN: dict[str, Any] = {
 }
 
 
-CHOICES = {
+EVIDENCE = {
     name: [arb(x) for x in part] if isinstance(part, list) else arb(part)
-    for name, part in GIVEN.items()
+    for name, part in EVIDENCE_VALUES.items()
 }
 
 
@@ -78,16 +78,16 @@ Place = tuple[Any, ...]  # a name and indices
 
 
 def made_up(
-    numbers: dict[Place, Any] | None = None, choices: dict[Place, Any] | None = None
+    numbers: dict[Place, Any] | None = None, evidence: dict[Place, Any] | None = None
 ) -> Passage:
-    """A passage with the ``choices`` and the ``numbers`` put in their places, shown for its
+    """A passage with the ``evidence`` and the ``numbers`` put in their places, shown for its
     weights.
     """
     given: dict[str, Any] = {
-        name: [*part] if isinstance(part, list) else part for name, part in CHOICES.items()
+        name: [*part] if isinstance(part, list) else part for name, part in EVIDENCE.items()
     }
     given["directions"] = [list(row) for row in DIRECTIONS]
-    for (name, *path), x in (choices or {}).items():
+    for (name, *path), x in (evidence or {}).items():
         part: Any = given
         for index in (name, *path)[:-1]:
             part = part[index]
@@ -224,24 +224,24 @@ CHOSEN: list[tuple[str, dict[Place, Any]]] = [
 
 
 @pytest.mark.parametrize(
-    ("line", "numbers", "choices"),
+    ("line", "numbers", "evidence"),
     [
         *((line, numbers, {}) for line, numbers in SPOILED),
-        *((f"{line}:", {}, choices) for line, choices in CHOSEN),
+        *((f"{line}:", {}, evidence) for line, evidence in CHOSEN),
     ],
 )
 def test_a_number_or_choice_that_is_spoiled_breaks_its_inequality(
-    line: str, numbers: dict[Place, Any], choices: dict[Place, Any]
+    line: str, numbers: dict[Place, Any], evidence: dict[Place, Any]
 ) -> None:
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
-        made_up(numbers, choices)
+        made_up(numbers, evidence)
 
 
 def test_examples_are_passages() -> None:
     """Also with weights of the graph a little below one."""
     made_up()
-    made_up(choices={**QUARTER, ("thin",): 0.95})
-    made_up(choices={("flat",): 0.5})
+    made_up(evidence={**QUARTER, ("thin",): 0.95})
+    made_up(evidence={("flat",): 0.5})
 
 
 @pytest.mark.parametrize(
@@ -276,7 +276,7 @@ def test_beta_bar_stays_small_in_n() -> None:
     rows = DIRECTIONS
     large = {("directions", i, j): 32 * rows[i][j] for i, j in product(range(3), repeat=2)}
     with pytest.raises(Unproved, match=r"beta_bar and gamma after a crossing: \[-0\.84"):
-        made_up(choices=large)
+        made_up(evidence=large)
 
 
 # --------------------------------------------------------------------------- what is said of orbits
@@ -329,7 +329,7 @@ def test_where_beta_bar_vanishes_in_the_thin_set(by_u: float, by_f: float) -> No
     """Points with z_u = 1 and z_f up to 0.99 of what the set allows: z_s = r + q z_f, larger
     than 1 or smaller.
     """
-    n = made_up(choices={("directions", 0, U): by_u, ("directions", 0, F): by_f})
+    n = made_up(evidence={("directions", 0, U): by_u, ("directions", 0, F): by_f})
     r, q = (-n.saddle.directions[0, k] / n.saddle.directions[0, S] for k in (U, F))
     for share in (-0.99, -0.5, 0.5, 0.99):
         fast = arb(share) * n.thin
@@ -382,10 +382,10 @@ def enclosed() -> Passage:
     with working_precision(BITS):
         n = Passage(
             SaddleCoordinates(DISK, "linear", hull(*SPEEDS), DIRECTIONS),
-            [arb(x) for x in GIVEN["extents"]],
+            [arb(x) for x in EVIDENCE_VALUES["extents"]],
             (48, 6),
         )
-        n.weighted(CHOICES)
+        n.weighted(EVIDENCE)
         return n
 
 
@@ -395,7 +395,7 @@ def test_the_enclosures_hold_points_and_rays() -> None:
     """
     rng, n = random.Random(2), enclosed()
     for _ in range(10):
-        z = [arb(rng.uniform(-0.999, 0.999) * extent) for extent in GIVEN["extents"]]
+        z = [arb(rng.uniform(-0.999, 0.999) * extent) for extent in EVIDENCE_VALUES["extents"]]
         omega = ball(SPEEDS[0] + (SPEEDS[1] - SPEEDS[0]) * Fraction(rng.randint(0, 100), 100))
         rates, slopes, by = SaddleCoordinates(DISK, "linear", omega, DIRECTIONS).field(z)
         moved = [
@@ -423,7 +423,7 @@ def test_passages_obey_their_bounds() -> None:
     graph.
     """
     rng, n = random.Random(3), enclosed()
-    u, s, _ = GIVEN["extents"]
+    u, s, _ = EVIDENCE_VALUES["extents"]
     for _ in range(4):
         below = 10 ** rng.uniform(-6, -1.2) + float(n.flat) * s
         start = (-below, -s, rng.uniform(-2e-3, 2e-3))
@@ -451,6 +451,6 @@ def test_a_large_box_and_too_many_cells_are_refused() -> None:
     saddle = SaddleCoordinates(DISK, "linear", hull(*SPEEDS), DIRECTIONS)
     large = Passage(saddle, [arb(3)] * 3, (6, 6))
     with pytest.raises(Unproved):
-        large.weighted(CHOICES)
+        large.weighted(EVIDENCE)
     with pytest.raises(Unproved, match="too many cells"):
         Passage(saddle, [arb(0.2)] * 3, (1000, 1000))

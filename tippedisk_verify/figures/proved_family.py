@@ -9,8 +9,9 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
+from tippedisk_verify.proofs.closed_forms import measured_omega_crit
 from tippedisk_verify.proofs.kernel.certificates.family import Piece
-from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = ["draw_proved_family"]
 
@@ -26,7 +27,7 @@ def draw_proved_family(proof: FamilyProof) -> Any:
         The Matplotlib figure.
     """
     figure, axes = figure_with_axes(4, 2, (4.5, 3.4))
-    crit = float(enclosed_omega_crit(proof.parameters).value)
+    crit = float(measured_omega_crit(proof.parameters).value)
     enclosure = proof.connection.omega_h if proof.connection is not None else None
     omega_h = math.nan if enclosure is None else float(enclosure.value)
     for draw, axis in zip(

@@ -23,9 +23,9 @@ from tippedisk_verify.proofs.kernel.balls import (
 from tippedisk_verify.proofs.kernel.field import UNITS
 
 __all__ = [
-    "DISK",
-    "LAWS",
-    "MEASURED",
+    "DISK_SHAPE",
+    "FRICTION_LAWS",
+    "NUMBER_SHAPE",
     "STABILITY_WORDS",
     "ClaimReader",
     "NotACertificate",
@@ -128,12 +128,13 @@ def order(value: Any) -> int:
     return int(value)
 
 
-def one_of(*choices: Any) -> Callable[[Any], Any]:
+def one_of(*alternatives: Any) -> Callable[[Any], Any]:
     def read(value: Any) -> Any:
         if not any(
-            value is choice or (isinstance(value, str) and value == choice) for choice in choices
+            value is alternative or (isinstance(value, str) and value == alternative)
+            for alternative in alternatives
         ):
-            raise ValueError(f"one of {', '.join(map(str, choices))} is needed")
+            raise ValueError(f"one of {', '.join(map(str, alternatives))} is needed")
         return value
 
     return read
@@ -193,7 +194,7 @@ class ClaimReader(dict[str, Any]):
         return super().get(name, default)
 
 
-MEASURED = {"value": decimal, "uncertainty": decimal}
+NUMBER_SHAPE = {"value": decimal, "uncertainty": decimal}
 
 
 def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
@@ -245,7 +246,10 @@ class FrictionTraits(NamedTuple):
     two_sided: bool  #: True if its two sides, at gamma_y = 0, are different analytic functions
 
 
-LAWS = {"linear": FrictionTraits("linear", False), "smooth": FrictionTraits("smooth Coulomb", True)}
+FRICTION_LAWS = {
+    "linear": FrictionTraits("linear", False),
+    "smooth": FrictionTraits("smooth Coulomb", True),
+}
 
 #: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be
 #: isolated.
@@ -256,7 +260,11 @@ STABILITY_WORDS = {
 }
 
 #: The members that every claim has: its kind, its disk and its friction law
-DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
+DISK_SHAPE = {
+    "kind": str,
+    "parameters": dict.fromkeys(UNITS, decimal),
+    "friction": one_of(*FRICTION_LAWS),
+}
 
 
 def require_within_claim(number: Mapping[str, str], x: Any, name: str) -> None:

@@ -22,14 +22,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from operator import mul
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import converted_like, range_of, upper
+from tippedisk_verify.proofs.kernel.small_matrices import (
+    Matrix,
+    inverse_of_order_3,
+    matrix_product,
+    matrix_sum,
+    matrix_times_vector,
+)
 
 __all__ = ["Frame"]
-
-Matrix = Sequence[Sequence[Any]]
 
 
 class Frame:
@@ -66,8 +70,8 @@ class Frame:
         """
         parts = zip(
             self.middle,
-            _applied(self.lead, self.deviation),
-            _applied(self.axes, self.rest),
+            matrix_times_vector(self.lead, self.deviation),
+            matrix_times_vector(self.axes, self.rest),
             strict=True,
         )
         return tuple(middle + a + b.union(0 * b) for middle, a, b in parts)
@@ -76,7 +80,9 @@ class Frame:
         """Return the derivatives of the set's states with respect to the deviations of start and
         Omega.
         """
-        return tuple(tuple(row) for row in _sum(self.lead, _product(self.axes, self.spread)))
+        return tuple(
+            tuple(row) for row in matrix_sum(self.lead, matrix_product(self.axes, self.spread))
+        )
 
     def image(self, centre: Sequence[Any], rows: Matrix) -> tuple[Any, ...]:
         """Return a box that holds the images of all states of the set under a map.
@@ -86,7 +92,10 @@ class Frame:
         """
         lead, turned = self._mapped(rows)
         parts = zip(
-            centre, _applied(lead, self.deviation), _applied(turned, self.rest), strict=True
+            centre,
+            matrix_times_vector(lead, self.deviation),
+            matrix_times_vector(turned, self.rest),
+            strict=True,
         )
         return tuple(a + b + c for a, b, c in parts)
 
@@ -98,7 +107,10 @@ class Frame:
         """
         assert self.own is not None
         return [
-            a + b for a, b in zip(centre, _applied(self._mapped(rows)[1], self.own), strict=True)
+            a + b
+            for a, b in zip(
+                centre, matrix_times_vector(self._mapped(rows)[1], self.own), strict=True
+            )
         ]
 
     def derivatives(self, rows: Matrix) -> tuple[tuple[Any, ...], ...]:
@@ -108,7 +120,7 @@ class Frame:
         ``rows`` are the map's derivatives (3, 4) with respect to state and Omega.
         """
         lead, turned = self._mapped(rows)
-        return tuple(tuple(row) for row in _sum(lead, _product(turned, self.spread)))
+        return tuple(tuple(row) for row in matrix_sum(lead, matrix_product(turned, self.spread)))
 
     def carried(self, centre: Sequence[Any], rows: Matrix, axes: Callable[..., Matrix]) -> Frame:
         """Return the set (a new `Frame`) of the images of all states of this set under a map.
@@ -130,23 +142,30 @@ class Frame:
         image.axes = [
             [entry.mid() for entry in row] for row in axes([[*row] for row in turned], sizes)
         ]
-        inverse = _inverse(image.axes)
-        left = _product(
+        inverse = inverse_of_order_3(image.axes)
+        left = matrix_product(
             inverse,
             [
                 [range_of(a - b) for a, b in zip(*rows, strict=True)]
                 for rows in zip(lead, image.lead, strict=True)
             ],
         )
-        turned = _product(inverse, turned)
-        away = _applied(
+        turned = matrix_product(inverse, turned)
+        away = matrix_times_vector(
             inverse, [range_of(part - mid) for part, mid in zip(centre, image.middle, strict=True)]
         )
-        parts = zip(away, _applied(left, self.deviation), _applied(turned, self.rest), strict=True)
+        parts = zip(
+            away,
+            matrix_times_vector(left, self.deviation),
+            matrix_times_vector(turned, self.rest),
+            strict=True,
+        )
         image.rest = [a + b + c for a, b, c in parts]
         if self.own is not None:
-            image.own = [a + b for a, b in zip(away, _applied(turned, self.own), strict=True)]
-        image.spread = _sum(left, _product(turned, self.spread))
+            image.own = [
+                a + b for a, b in zip(away, matrix_times_vector(turned, self.own), strict=True)
+            ]
+        image.spread = matrix_sum(left, matrix_product(turned, self.spread))
         return image
 
     def _mapped(self, rows: Matrix) -> tuple[Matrix, Matrix]:
@@ -155,33 +174,8 @@ class Frame:
 
         The first one includes the map's own derivatives with respect to the equations' numbers.
         """
-        lead = _product(rows, self.lead)
+        lead = matrix_product(rows, self.lead)
         for entries, row in zip(lead, rows, strict=True):
             for column, own in zip(self.columns, row[3:], strict=True):
                 entries[column] = entries[column] + own
-        return lead, [[range_of(entry) for entry in row] for row in _product(rows, self.axes)]
-
-
-def _product(a: Matrix, b: Matrix) -> list[list[Any]]:
-    """Return the product of the first three columns of ``a`` with a matrix ``b`` of three rows."""
-    return [[row[0] * x + row[1] * y + row[2] * z for x, y, z in zip(*b, strict=True)] for row in a]
-
-
-def _applied(matrix: Matrix, vector: Sequence[Any]) -> list[Any]:
-    return [sum(map(mul, row[1:], vector[1:]), row[0] * vector[0]) for row in matrix]
-
-
-def _sum(a: Matrix, b: Matrix) -> Matrix:
-    return [[x + y for x, y in zip(*rows, strict=True)] for rows in zip(a, b, strict=True)]
-
-
-def _inverse(axes: Matrix) -> Matrix:
-    """Return balls that hold the inverse of a (3, 3) matrix, by Cramer's rule."""
-    (a, b, c), cross = axes, _cross
-    minors = (cross(b, c), cross(c, a), cross(a, b))
-    determinant = sum(x * y for x, y in zip(a, minors[0], strict=True))
-    return [[minors[k][row] / determinant for k in range(3)] for row in range(3)]
-
-
-def _cross(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
-    return [x[1] * y[2] - x[2] * y[1], x[2] * y[0] - x[0] * y[2], x[0] * y[1] - x[1] * y[0]]
+        return lead, [[range_of(entry) for entry in row] for row in matrix_product(rows, self.axes)]

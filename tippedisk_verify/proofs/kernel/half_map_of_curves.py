@@ -91,6 +91,11 @@ from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
+from tippedisk_verify.proofs.kernel.small_matrices import (
+    Matrix,
+    inverse_of_order_2,
+    midpoint_inverse,
+)
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
@@ -101,19 +106,14 @@ __all__ = [
     "CurveFlight",
     "CurvePath",
     "CurveReplay",
-    "Matrix",
     "arc_test",
     "beta_extremes",
     "fly",
-    "inverse",
-    "midpoint_inverse",
 ]
 
 UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
 ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
 _MIN_PART = 2.0**-7  # of a step in which an orbit turns
-
-Matrix = Sequence[Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -229,7 +229,7 @@ class CurvePath(Path):
     For each parameter s of the curve the steps have lengths of their own.
     """
 
-    def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
+    def __init__(self, constants: FieldConstants, curve: Curve, proposer: Any) -> None:
         zero = 0 * curve.v.mid()
         nothing, short = zero.c[0], cut_for_derivatives(zero)
         states = Frame([zero, *curve.start], curve.omega)
@@ -238,7 +238,7 @@ class CurvePath(Path):
         states.axes = [[nothing + int(i == j) for j in range(3)] for i in range(3)]
         states.rest = states.own = [nothing] * 3
         states.spread = [[nothing] * 3 for _ in range(3)]
-        super().__init__(_Equations(constants, curve), states, choices, derivatives=True)
+        super().__init__(_Equations(constants, curve), states, proposer, derivatives=True)
         self.total = curve.total
 
     def _exhaustion(self) -> None:
@@ -273,14 +273,14 @@ def beta_extremes(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
             )
 
 
-def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
+def fly(constants: FieldConstants, curve: Curve, proposer: Any) -> CurveFlight:
     """Enclose the half map, from section to section, for all starts on a curve and in the box about
     it.
 
-    ``choices`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``total``.
+    ``proposer`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``total``.
     Raises Unproved, with the number of the step that fails.
     """
-    path = CurvePath(constants, curve, choices)
+    path = CurvePath(constants, curve, proposer)
     require(negative(path.box[2].range()), "v is not shown to be negative at the start")
     least, extreme_steps = 0 * curve.total.c[0], []
     try:
@@ -298,7 +298,7 @@ def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
             if not (negative(v) or positive(v)):
                 extreme_steps.append(step)
             if passed:
-                choices.step_taken(step, None)
+                proposer.step_taken(step, None)
                 return _landed(path, step, least, extreme_steps)
             path.take(step)
     except Unproved as fault:
@@ -410,7 +410,7 @@ class Arc:
         return bool(self.flight.extreme_steps)
 
 
-def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
+def arc_test(constants: FieldConstants, curve: Curve, proposer: Any) -> Arc:
     """Test by Krawczyk's operator if one limit cycle lies in the box about each point of a curve.
 
     The curve consists of starts and speeds with a parameter s; all s are tested at once.
@@ -418,7 +418,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     Args:
         constants: Balls of the disk's constants.
         curve: The curve and its box; its first number, the parameter, has no deviation.
-        choices: The proposer of the flight's steps.
+        proposer: The proposer of the flight's steps.
 
     Returns:
         The test's result, which may be that the cycles are not included.
@@ -426,7 +426,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     Raises:
         Unproved: If the flight fails.
     """
-    flight = fly(constants, curve, choices)
+    flight = fly(constants, curve, proposer)
     radii = [curve.deviation[k] for k in UNKNOWNS]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
     jacobian = [
@@ -448,22 +448,8 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
         within.append(image)
         included = included and bool(inside(image, radii[i]))
     (a, b), (c, d) = by_unknowns
-    slopes = [-(row[0] * jacobian[0][0] + row[1] * jacobian[1][0]) for row in inverse(by_unknowns)]
+    slopes = [
+        -(row[0] * jacobian[0][0] + row[1] * jacobian[1][0])
+        for row in inverse_of_order_2(by_unknowns)
+    ]
     return Arc(included, curve, flight, within, slopes, a * d - b * c)
-
-
-def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Return the inverse of a matrix (2, 2) of jets or balls, by Cramer's rule."""
-    (a, b), (c, d) = matrix
-    determinant = a * d - b * c
-    return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
-
-
-def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Return the inverse of a matrix (2, 2) of jets or balls, computed from their midpoints, as
-    points.
-
-    It approximates the inverse and encloses nothing.
-    """
-    middle = inverse([[entry.mid() for entry in row] for row in matrix])
-    return [[entry.mid() for entry in row] for row in middle]

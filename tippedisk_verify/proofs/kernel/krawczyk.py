@@ -11,7 +11,7 @@ p) = F(m) + F_p (p - m_p) + F_u (u - m_u), with derivatives in the balls over th
 the box's interior, there is exactly one zero for each p, and all matrices F_u are regular (Krawczyk
 1969; Moore 1977; Rump 1983).
 
-**The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
+**The evidence in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
 the length and the orders tested. If the sliding velocity changes its sign in the step, those of the
 step after the change follow. Its "axes" are those of the set at the step's end. A test has the logs
 of two flights, the radii of its box, and Y.
@@ -30,16 +30,16 @@ from tippedisk_verify.proofs.kernel.field import constants
 from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn, return_map
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import Step, Trial
 
 __all__ = [
-    "BOX",
-    "FLIGHT",
+    "BOX_SHAPE",
+    "FLIGHT_SHAPE",
     "FixedPoints",
     "StepReplay",
     "fixed_points",
     "krawczyk_test",
-    "product",
     "replayed_test",
 ]
 
@@ -153,12 +153,14 @@ def fixed_points(
         ]
         for i in range(2)
     ]
-    residual = product(inverse, value)
+    residual = matrix_times_vector(inverse, value)
     # p's part is one ball that both equations share. Its factors are summed first, because their
     # sum may nearly vanish.
-    moved = product(inverse, [row[other] for row in slopes])
+    moved = matrix_times_vector(inverse, [row[other] for row in slopes])
     shift = list(deviations)
-    for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
+    for k, spread, part, factor in zip(
+        unknown, matrix_times_vector(rest, width), residual, moved, strict=True
+    ):
         shift[k] = spread - part - factor * deviations[other]
     included = all(inside(shift[k], deviations[k]) for k in unknown)
     return FixedPoints(included, middle, shift, residual, slopes, centre, box)
@@ -167,10 +169,6 @@ def fixed_points(
 def _slopes(box: SectionReturn) -> tuple[Sequence[Any], Sequence[Any]]:
     (a, b), (c, d) = box.matrix
     return (a - 1, b, box.by_omega[0]), (c, d - 1, box.by_omega[1])
-
-
-def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
 
 
 def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
@@ -184,8 +182,12 @@ def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
     return length, (order(value[1]), order(value[2]))
 
 
-FLIGHT = [{"steps": [_read_step, None], "axes": [[dyadic, 3], 3]}, None]
-BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
+FLIGHT_SHAPE = [{"steps": [_read_step, None], "axes": [[dyadic, 3], 3]}, None]
+BOX_SHAPE = {
+    "radii": [radius, 2],
+    "inverse": [[dyadic, 2], 2],
+    "flight": FLIGHT_SHAPE,
+}  #: of a Krawczyk test
 
 
 class StepReplay:
@@ -250,10 +252,10 @@ def replayed_test(
     name: str,
     centre: SectionReturn | None = None,
 ) -> FixedPoints:
-    """Apply `krawczyk_test` with the choices that a certificate records, and return the passed
+    """Apply `krawczyk_test` with the evidence that a certificate records, and return the passed
     test.
 
-    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX`, and ``name``
+    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX_SHAPE`, and ``name``
     begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")

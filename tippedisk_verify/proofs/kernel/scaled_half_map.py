@@ -52,9 +52,10 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
 from tippedisk_verify.proofs.kernel.field import FieldConstants, field
-from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve, Matrix
+from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Node
 
 __all__ = ["ScaledCurve", "ScaledModel"]

@@ -59,7 +59,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     positive,
     upper,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import LAWS
+from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, StepProposer
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
@@ -82,7 +82,7 @@ def law_model(friction: str, constants: Any, omega: Any) -> Model:
 
     ``friction`` is 'linear' or 'smooth'.
     """
-    return (SmoothModel if LAWS[friction].two_sided else Model)(constants, omega)
+    return (SmoothModel if FRICTION_LAWS[friction].two_sided else Model)(constants, omega)
 
 
 def model_of(parameters: Any, omega: Any) -> Model:

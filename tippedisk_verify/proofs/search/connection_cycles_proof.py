@@ -5,7 +5,7 @@ Extents and weights of cones fit the three named disks and those near them. Othe
 from the kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round
 at the largest speed. It is raised until the worst of the flights arrives above it.
 
-Balls become points and floats everywhere: any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any evidence that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
-    CLAIM,
+    CLAIM_SHAPE,
     LID,
     CyclesNextToConnection,
     LoopMap,
@@ -40,7 +40,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, eigenvectors
 from tippedisk_verify.proofs.search.proof import (
-    ChoiceSearch,
+    EvidenceSearch,
     Proof,
     SearchStopped,
     certificate_claim,
@@ -102,8 +102,10 @@ class ConnectionCyclesProof(Proof):
     gamma: Fraction = Fraction(0)  #: c [rad]
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
-    where: str = ""  #: the inequality that fails
-    choices: dict[str, Any] = field(default_factory=dict)  #: those that the kernel has accepted
+    outcome_detail: str = ""  #: the inequality that fails
+    own_evidence: dict[str, Any] = field(
+        default_factory=dict
+    )  #: those that the kernel has accepted
 
     @property
     def bits(self) -> int:  # type: ignore[override]
@@ -118,7 +120,7 @@ class ConnectionCyclesProof(Proof):
         assert self.connection.parameters is not None
         numbers, texts = (
             {"omega_h": self.connection.omega_h},
-            {name: getattr(self, name) for name in CLAIM},
+            {name: getattr(self, name) for name in CLAIM_SHAPE},
         )
         return certificate_claim(
             "cycles next to the connection", self.connection.parameters, numbers, **texts
@@ -126,14 +128,14 @@ class ConnectionCyclesProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted, for the certificate, with those of the
+        """The evidence that the kernel has accepted, for the certificate, with that of the
         connection's proof and its claim.
         """
         eigenvalues = [
             (number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues
         ]
         claimed = {"eigenvalues": eigenvalues, "room": self.connection.room}
-        return self.choices and self.choices | {
+        return self.own_evidence and self.own_evidence | {
             "connection": {**self.connection.evidence, **claimed}
         }
 
@@ -160,7 +162,7 @@ class ConnectionCyclesProof(Proof):
             "omega_h": None if omega_h is None else omega_h.to_dict(),
             **{
                 name: exact_text(getattr(self, field))
-                for name, field in zip(names, CLAIM, strict=True)
+                for name, field in zip(names, CLAIM_SHAPE, strict=True)
             },
             "numbers": self.numbers,
         }
@@ -201,15 +203,17 @@ def prove_connection_cycles(
                 end = verify_cycles(connection.verified, low, high, search, watch)
         except Unproved as fault:
             failed = ConnectionCyclesProof(
-                search.stopped(fault), connection, low, high, where=str(fault)
+                search.stopped(fault), connection, low, high, outcome_detail=str(fault)
             )
-            if not failed.where.startswith(LID):
+            if not failed.outcome_detail.startswith(LID):
                 break
         else:
             numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
-            entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
-            choices = search.log | {"entry": entry}
+            entry = {
+                name: part for name, part in search.log["entry"].items() if name not in CLAIM_SHAPE
+            }
+            own_evidence = search.log | {"entry": entry}
             return ConnectionCyclesProof(
                 ConnectionCyclesStatus.PROVED,
                 connection,
@@ -218,7 +222,7 @@ def prove_connection_cycles(
                 end.gamma,
                 end.v,
                 texts,
-                choices=choices,
+                own_evidence=own_evidence,
             )
     return failed
 
@@ -236,11 +240,11 @@ def checked_distance(number: object) -> Fraction:
     return given.rational
 
 
-class _EndSearch(ChoiceSearch):
+class _EndSearch(EvidenceSearch):
     def __init__(
         self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
     ) -> None:
-        """Prepare a search for the choices of this proof at speeds from ``low`` to ``high``
+        """Prepare a search for the evidence of this proof at speeds from ``low`` to ``high``
         [rad/s].
 
         The estimated height of the set D along z_u (its lid) is multiplied by ``factor``.
@@ -325,7 +329,7 @@ class _EndSearch(ChoiceSearch):
         for _ in range(_ROUNDS):  # the bound falls, and then grows
             first, second = low + (high - low) / 3, high - (high - low) / 3
             low, high = (low, second) if bound(first) < bound(second) else (first, high)
-        c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
+        c, d = (_thousandths_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
         return {
             "lid": top,
             "fast": fast,
@@ -393,7 +397,7 @@ class _EndSearch(ChoiceSearch):
         raise Unproved("flight 1: it does not arrive")
 
 
-def _decimal_above(x: Any) -> Fraction:
+def _thousandths_above(x: Any) -> Fraction:
     """Return a multiple of 1/1000 above all numbers of the ball."""
     enclosure = ball_to_measured(x)
     return Fraction(math.floor((enclosure.value + enclosure.uncertainty) * 1000) + 1, 1000)

@@ -1,11 +1,11 @@
 """The search for the proof of Omega_h; the proof itself is in `kernel.certificates.connection`.
 
 An approximation is given, with a few more digits than the interval's length needs. The polynomials
-of the invariant curves solve the equation of invariance power by power. The other choices (cones,
-extents, the moment at which the flight ends) follow from the kernel's enclosures. The working
+of the invariant curves solve the equation of invariance power by power. The other evidence (cones,
+extents, the moment at which the flight ends) follows from the kernel's enclosures. The working
 precision is raised if the kernel refuses.
 
-Balls become points and floats everywhere: any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any evidence that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates.connection import (
-    CHOICES,
     EIGENVALUES,
+    EVIDENCE_SHAPE,
     OPPOSITE_SIDES_REFUSAL,
     EnclosedConnection,
     arrival_box_contains_branch,
@@ -60,7 +60,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
-    ChoiceSearch,
+    EvidenceSearch,
     Proof,
     SearchStopped,
     certificate_claim,
@@ -155,14 +155,14 @@ class ProvedConnection(Printable, Proof):
     #: |beta - pi/2| < pi/2 all along: the disk never lies flat; the name is that in JSON
     upright: bool = False
     bits: int = 0  #: working precision of the last pass
-    where: str = ""  #: the inequality that fails
+    outcome_detail: str = ""  #: the inequality that fails
     #: The connection comes in along the slow stable direction
     arrives_along_slow_direction: bool = False
     #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
     gamma_falls_beyond: str = ""
     parameters: Parameters | None = None  #: the disk of the proof
     verified: EnclosedConnection | None = None  #: the kernel's result
-    #: The choices that the kernel has accepted
+    #: What the kernel has accepted
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -271,7 +271,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                     disk, parameters.law.name, (middle, half_width), search
                 )
         except Unproved as fault:
-            proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
+            proof = ProvedConnection(search.stopped(fault), bits=bits, outcome_detail=str(fault))
             if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
@@ -288,7 +288,7 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 gamma_falls_beyond="above" if verified.gamma_falls_above_omega_h else "below",
                 parameters=parameters,
                 verified=verified,
-                evidence={name: search.log[name] for name in CHOICES},
+                evidence={name: search.log[name] for name in EVIDENCE_SHAPE},
             )
     return proof
 
@@ -362,13 +362,13 @@ def series_of_curve(
     return curve
 
 
-class _ConnectionSearch(ChoiceSearch):
-    """The search for the choices with which the kernel proves one interval of Omega_h.
+class _ConnectionSearch(EvidenceSearch):
+    """The search for the evidence with which the kernel proves one interval of Omega_h.
 
     It belongs to one interval of speeds and one working precision.
     """
 
-    # The status of a failure, by the choice made last
+    # The status of a failure, by the evidence that was asked for last
     _STAGES: ClassVar = {
         "unstable": ConnectionStatus.UNSTABLE_BRANCH,
         "cone": ConnectionStatus.UNSTABLE_BRANCH,
@@ -401,7 +401,7 @@ class _ConnectionSearch(ChoiceSearch):
         return (
             ConnectionStatus.SIDES
             if str(fault) == OPPOSITE_SIDES_REFUSAL
-            else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
+            else self._STAGES.get(self.latest_name, ConnectionStatus.FLOW)
         )
 
     def directions(self) -> list[list[Any]]:
@@ -475,11 +475,11 @@ class _ConnectionSearch(ChoiceSearch):
         saddle: SaddleCoordinates,
         G: Sequence[Any],
     ) -> tuple[Fraction, Fraction, Fraction]:
-        least = _decimal_above(offset[1])
+        least = _two_digits_above(offset[1])
         for gamma in (*(size for size in _BOX_EXTENTS if size > least), least):
             after = [piece for piece in branch_boxes if not piece[1] - arb.pi() < -ball(gamma)]
             beta, _, v = (
-                max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3)
+                max(_two_digits_above(state[k]) for state in (offset, *after)) for k in range(3)
             )
             arrival_box = beta, gamma, v
             try:
@@ -511,7 +511,7 @@ def _share_of_reach(curve: ManifoldGraph) -> Any:
     return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))
 
 
-def _decimal_above(x: Any) -> Fraction:
+def _two_digits_above(x: Any) -> Fraction:
     """Return a decimal of two digits above all sizes in the ball."""
     enclosure = widened(ball_to_measured(abs(x)))
     return Fraction(rounded_up(enclosure.value + enclosure.uncertainty))

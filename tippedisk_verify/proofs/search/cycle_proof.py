@@ -1,4 +1,4 @@
-"""Proofs of limit cycles: the search for choices that the kernel's test
+"""Proofs of limit cycles: the search for evidence that the kernel's test
 (`kernel.certificates.cycle`) accepts.
 
 A guess is refined by Newton's iteration on midpoints. The precision and the box change until the
@@ -24,8 +24,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
@@ -35,6 +34,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, SearchStopped, certificate_claim
@@ -80,11 +80,11 @@ class CycleProof(Proof):
     The numbers have the same names as in `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
 
-    _printed: ClassVar = ("stable", "reversals", "unique_within")
+    _printed_claim_entries: ClassVar = ("stable", "reversals", "unique_within")
 
     section: PoincareSection
     status: CycleStatus
-    where: str  #: the place at which the proof ended
+    outcome_detail: str  #: the place at which the proof ended
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
@@ -96,7 +96,7 @@ class CycleProof(Proof):
     stable: bool | None = None
     #: Sign changes of the sliding velocity in a period, under the smooth law only
     reversals: int = 0
-    #: The choices that the kernel accepted
+    #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
@@ -108,7 +108,7 @@ class CycleProof(Proof):
         """
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
         distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
-        room = {name: _decimal_below(distance) for name, distance in distances}
+        room = {name: _two_digits_below(distance) for name, distance in distances}
         sliding = {"reversals": self.reversals} if self.parameters.law.two_sided else {}
         return certificate_claim(
             kind,
@@ -121,7 +121,7 @@ class CycleProof(Proof):
         )
 
     @property
-    def asked(self) -> dict[str, object]:
+    def input_entries(self) -> dict[str, object]:
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
@@ -159,7 +159,7 @@ class CycleProof(Proof):
         }
 
 
-def _decimal_below(x: Any) -> str:
+def _two_digits_below(x: Any) -> str:
     """Return a decimal of two digits below all numbers of the ball, with a relative margin of
     2^-20.
 
@@ -314,7 +314,7 @@ class CycleAttempt:
                     (a, b), (c, d) = flight.matrix
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
-                step = product(
+                step = matrix_times_vector(
                     inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
                 )
                 if not all(part.is_finite() for part in step):

@@ -21,17 +21,17 @@ import numpy as np
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.closed_forms import hopf_balls
+from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
 from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.arc_evidence import Guess, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     prove_connection_cycles,
 )
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
     "HOPF_END",
@@ -167,7 +167,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
     They are chosen so that the cycles' amplitudes lie close together at both ends of the family.
     """
-    span = enclosed_omega_crit(parameters).value - omega_h
+    span = measured_omega_crit(parameters).value - omega_h
     for k in range(_KNOWN // 10, _KNOWN - 1):
         left = span * (1 - Fraction(k, _KNOWN) ** 2)
         yield omega_h + left

@@ -16,8 +16,8 @@ from typing import Any
 from tippedisk_verify.model.decimals import exact_text, rounded_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
+from tippedisk_verify.proofs.closed_forms import check_linearization, measured_omega_crit
+from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
@@ -26,15 +26,15 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     last_cycle,
     unique_within,
 )
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.arc_evidence import piece_entry
 from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
-from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 
-__all__ = ["FamilyProof", "enclosed_omega_crit"]
+__all__ = ["FamilyProof"]
 
-_BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
+# For joining pieces, and for checking a claim about Omega_crit, which has as many digits
+_JOINING_BITS, _CLAIM_BITS = 128, 160
 _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
@@ -64,7 +64,7 @@ class FamilyProof(Proof):
         Raises InputError for a disk without the closed forms' hypotheses.
         """
         check_linearization(self.parameters.rational())
-        with working_precision(_BITS):
+        with working_precision(_JOINING_BITS):
             return not curve_fault(parameter_texts(self.parameters), self.pieces)
 
     @cached_property
@@ -74,7 +74,7 @@ class FamilyProof(Proof):
         """
         if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
             return False
-        with working_precision(_BITS):
+        with working_precision(_JOINING_BITS):
             return self.end.meets(*last_cycle(self.pieces))
 
     @property
@@ -112,7 +112,7 @@ class FamilyProof(Proof):
         if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
-        top, bottom = _least(enclosed_omega_crit(self.parameters)), _least(known)
+        top, bottom = _least(measured_omega_crit(self.parameters)), _least(known)
         unit = 10**_DECIMALS
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
@@ -127,7 +127,7 @@ class FamilyProof(Proof):
         claim = certificate_claim(
             "family of limit cycles",
             self.parameters,
-            {"omega_crit": enclosed_omega_crit(self.parameters)},
+            {"omega_crit": measured_omega_crit(self.parameters)},
             amplitude_first=self.pieces[0].high,
             amplitude_end=self.pieces[-1].high,
             omega_end=self.omega_end,
@@ -137,7 +137,7 @@ class FamilyProof(Proof):
         )
         if self.end is not None and self.end_closed:
             claim["numbers"] |= (end := self.end.claim)["numbers"]
-            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {
+            claim |= {name: end[name] for name in connection_cycles.CLAIM_SHAPE} | {
                 "kind": "whole family of limit cycles"
             }
         return claim
@@ -152,8 +152,8 @@ class FamilyProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the certificate records and the kernel has accepted: those of each arc,
-        and those of the cycles next to the connection if they are reached.
+        """What the certificate records and the kernel has accepted: the evidence of each arc,
+        and that of the cycles next to the connection if they are reached.
 
         It is empty if nothing is proved from the Hopf point on.
         """
@@ -205,7 +205,7 @@ class FamilyProof(Proof):
             "statement": self.statement,
             "ends": ends,
         }
-        entries["omega_crit"] = enclosed_omega_crit(self.parameters).to_dict()
+        entries["omega_crit"] = measured_omega_crit(self.parameters).to_dict()
         if (
             self.connection is not None
             and self.connection.omega_h is not None
@@ -219,12 +219,6 @@ class FamilyProof(Proof):
             }
         arcs = [piece_entry(piece) for piece in self.pieces]
         return entries | {"arcs": arcs, "parameters": self.parameters.name}
-
-
-def enclosed_omega_crit(parameters: Parameters) -> Measured:
-    """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
-    with working_precision(_BITS):
-        return ball_to_measured(hopf_balls(ball_constants(parameters))["omega_crit"])
 
 
 def _least(number: Measured) -> Fraction:

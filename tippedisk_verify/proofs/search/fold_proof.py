@@ -1,4 +1,4 @@
-"""Proofs of folds of limit cycles: the search for choices that the kernel
+"""Proofs of folds of limit cycles: the search for evidence that the kernel
 (`kernel.certificates.fold`) accepts.
 
 The arc is short, so the slope of the speed is small on all of it: the speed has about twice the
@@ -26,8 +26,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
@@ -36,6 +35,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     return_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
@@ -60,22 +60,22 @@ class FoldProof(Proof):
     The cycles are librating (section `LIBRATING_SECTION`) or rotating (section `ROTATING_SECTION`).
     """
 
-    _printed: ClassVar = ("extremum",)
+    _printed_claim_entries: ClassVar = ("extremum",)
 
     section: PoincareSection
-    where: str  #: the reason for which the proof ended
+    outcome_detail: str  #: the reason for which the proof ended
     parameters: Parameters
     bits: int  #: working precision
     #: The extreme speed on the arc, omega [rad/s], the first coordinate on the section along the
     #: arc, v [rad/s] and the period [s]
     values: Mapping[str, Measured] = field(default_factory=dict)
     extremum: Literal["smallest", "largest"] | None = None  #: the kind of extremum
-    #: The choices that the kernel accepted
+    #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
     def status(self) -> None:
-        """None: a fold has no status, and ``where`` gives the reason of a failure."""
+        """None: a fold has no status, and ``outcome_detail`` gives the reason of a failure."""
 
     @property
     def proved(self) -> bool:
@@ -83,7 +83,7 @@ class FoldProof(Proof):
 
     @property
     def reason(self) -> str:
-        return self.where
+        return self.outcome_detail
 
     @property
     def claim(self) -> dict[str, Any]:
@@ -206,7 +206,10 @@ class _FoldAttempt:
         """
         (f, *first), (g, *second) = whole.slopes
         inverse, p = midpoint_inverse((first, second)), end.mid()
-        along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
+        along, distance = (
+            matrix_times_vector(inverse, (f, g)),
+            p - whole.middle[0],
+        )  # -d(v, Omega)/dp
         m = [
             (part - slope * distance).mid()
             for part, slope in zip(whole.image[1:], along, strict=True)
@@ -218,7 +221,7 @@ class _FoldAttempt:
             )
             if flight.status is not FlowStatus.RETURNED:
                 raise _not_followed(flight)
-            steps = product(
+            steps = matrix_times_vector(
                 inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
             )
             if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
@@ -240,7 +243,7 @@ class _FoldAttempt:
         sizes: Sequence[Any],
         centre: tuple[FlightStepSearch, SectionReturn] | None = None,
     ) -> FixedPoints:
-        """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
+        """Apply Krawczyk's test to a limit cycle in a box about a point, and store the
         evidence.
         """
         setting, middle = certificate_claim("", self.parameters, {}), [p.mid(), *m]

@@ -17,16 +17,14 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
 from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
 from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn
 from tippedisk_verify.proofs.kernel.proved_flow import Path, short_float
 from tippedisk_verify.proofs.kernel.sliding import Crossing
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
 
 __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
-
-Matrix = Sequence[Sequence[Any]]
 
 _MIN_ORDER = 16  # of derivatives that only multiply radii
 # Over a wide box, the order of the series and the decay along v in a step. Balls add up

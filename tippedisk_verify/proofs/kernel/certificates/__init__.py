@@ -1,7 +1,7 @@
 """Certificates: the version of their format, their kinds, and the check that the evidence in a file
 proves its claim.
 
-The check replays recorded choices. It never searches for any.
+The check replays recorded evidence. It never searches for any.
 """
 
 from __future__ import annotations
@@ -11,8 +11,8 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, require, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    DISK,
-    LAWS,
+    DISK_SHAPE,
+    FRICTION_LAWS,
     ClaimReader,
     NotACertificate,
     digest,
@@ -42,7 +42,7 @@ __all__ = [
 ]
 
 CERTIFICATE_FORMAT = "tippedisk certificate 3"
-#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK`) and evidence.
+#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK_SHAPE`) and evidence.
 #: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
 #: claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
@@ -82,7 +82,7 @@ def verify_content(content: Any, mapped: family.Mapped = map) -> str:
     with working_precision(bits):
         shape = {
             "format": str,
-            "claim": DISK | claim,
+            "claim": DISK_SHAPE | claim,
             "bits": precision,
             "evidence": evidence,
             "sha256": str,
@@ -97,8 +97,8 @@ def verify_content(content: Any, mapped: family.Mapped = map) -> str:
             KINDS[kind].verify(reader, file["evidence"], *extra)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"the computation with its choices fails: {fault}") from None
-    # The kind has chosen the test. Members of `DISK` that a kind narrows were tested on reading.
-    untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK.keys())
+    # The kind has selected the test. Members of `DISK_SHAPE` that a kind narrows were tested on reading.
+    untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK_SHAPE.keys())
     require(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 
@@ -113,4 +113,4 @@ def sentence(claim: Mapping[str, Any]) -> str:
         for name, number in claim["numbers"].items()
     }
     words = KINDS[claim["kind"]].sentence(claim, numbers)
-    return f"for the tippedisk with {disk} under the {LAWS[claim['friction']].title} friction law{words}"
+    return f"for the tippedisk with {disk} under the {FRICTION_LAWS[claim['friction']].title} friction law{words}"

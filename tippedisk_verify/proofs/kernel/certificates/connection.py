@@ -38,7 +38,7 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
-from tippedisk_verify.proofs.kernel.certificate_format import MEASURED, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.certificate_format import NUMBER_SHAPE, decimal, dyadic, one_of
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
@@ -51,18 +51,18 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     show_departure,
     show_isolating_block,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [
-    "CHOICES",
     "EIGENVALUES",
+    "EVIDENCE_SHAPE",
     "OPPOSITE_SIDES_REFUSAL",
     "SHAPES",
     "EnclosedConnection",
     "arrival_box_contains_branch",
     "is_unique_connecting_speed",
-    "recorded_choices",
+    "recorded_evidence",
     "sentence",
     "verify",
     "verify_connection",
@@ -76,15 +76,15 @@ OPPOSITE_SIDES_REFUSAL = "6.3: the ends of the interval are not shown to pass on
 _BOXES_PER_STEP = 8  # of a step, for properties all along it
 _BELOW_HALF_PI = Fraction("1.5707")
 
-_CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
-#: The choices. The speeds, the box of the statement and the eigenvalues are the claim's.
-CHOICES = {
+_GRAPH_SHAPE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
+#: The evidence. The speeds, the box of the statement and the eigenvalues are the claim's.
+EVIDENCE_SHAPE = {
     "directions": [[dyadic, 3], 3],
-    "unstable": {**_CURVE, "reach": dyadic},
+    "unstable": {**_GRAPH_SHAPE, "reach": dyadic},
     "cone": [dyadic, 2],
-    "slow": _CURVE,
+    "slow": _GRAPH_SHAPE,
     "drift": [dyadic, 3],
-    "flight": FLIGHT,
+    "flight": FLIGHT_SHAPE,
     "block": [dyadic, 3],
     "apart": [dyadic, 3],
 }
@@ -114,7 +114,7 @@ def verify_connection(
     disk: dict[str, str],
     friction: str,
     omega_h: tuple[Fraction, Fraction],
-    choose: Callable[..., Any],
+    evidence_source: Callable[..., Any],
 ) -> EnclosedConnection:
     """Show that an interval of speeds contains one at which a heteroclinic orbit connects the
     saddles.
@@ -123,8 +123,9 @@ def verify_connection(
         disk: The eight exact numbers of the disk.
         friction: The name of the friction law.
         omega_h: The interval's middle and half-width [rad/s].
-        choose: Returns the choice of a given name: those of `CHOICES`, "arrival_box", "eigenvalues", and
-            "arrived", which ends the flight. Further arguments are values on which it may depend.
+        evidence_source: Returns the evidence of a given name: those of `EVIDENCE_SHAPE`,
+            "arrival_box", "eigenvalues", and "arrived", which ends the flight. Further
+            arguments are values on which it may depend.
 
     Returns:
         The interval with its proved properties.
@@ -136,11 +137,11 @@ def verify_connection(
     require(0 < half_width < middle, "claim: the interval of speeds is empty, or not above zero")
     low, high = middle - half_width, middle + half_width
     speeds = ball(middle) + arb(0, ball(half_width).upper())
-    saddle = SaddleCoordinates(disk, friction, speeds, choose("directions"))
-    _require_eigenvalues(saddle, choose("eigenvalues", saddle))
-    start, change, never_flat, whole = _enclose_unstable_branch(saddle, choose)
-    arriving = _manifold_graph(saddle, SLOW, choose("slow", saddle))
-    path, branch_boxes = saddle.path(start, choose("flight")), [whole]
+    saddle = SaddleCoordinates(disk, friction, speeds, evidence_source("directions"))
+    _require_eigenvalues(saddle, evidence_source("eigenvalues", saddle))
+    start, change, never_flat, whole = _enclose_unstable_branch(saddle, evidence_source)
+    arriving = _manifold_graph(saddle, SLOW, evidence_source("slow", saddle))
+    path, branch_boxes = saddle.path(start, evidence_source("flight")), [whole]
     while True:
         step = path.step()
         if step is None:
@@ -149,10 +150,10 @@ def verify_connection(
         never_flat = never_flat and _is_never_flat(step.enclosure[0])
         path.take(step)
         z = saddle.enclosed_coordinates(path.frame)
-        if choose("arrived", path, z, arriving):
+        if evidence_source("arrived", path, z, arriving):
             break
     G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
-    extents = choose("block", z, arriving)
+    extents = evidence_source("block", z, arriving)
     delta, box, matrix = show_isolating_block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
     require_positive(
@@ -169,12 +170,12 @@ def verify_connection(
     rising = _all_positive(-first - delta, last - delta)
     require(rising or _all_positive(first - delta, -last - delta), OPPOSITE_SIDES_REFUSAL)
     offset = saddle.offset(box)
-    arrival_box = choose("arrival_box", offset, branch_boxes, saddle, G)
+    arrival_box = evidence_source("arrival_box", offset, branch_boxes, saddle, G)
     require(
         arrival_box_contains_branch(arrival_box, offset, branch_boxes),
         "6.3: the box at the second saddle is not shown to keep what arrives",
     )
-    unique = is_unique_connecting_speed(saddle, arrival_box, G, choose)
+    unique = is_unique_connecting_speed(saddle, arrival_box, G, evidence_source)
     never_flat = never_flat and _is_never_flat(ball(arrival_box[0]))
     return EnclosedConnection(
         disk,
@@ -201,24 +202,24 @@ def _manifold_graph(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]
 
 
 def _enclose_unstable_branch(
-    saddle: SaddleCoordinates, choose: Callable[..., Any]
+    saddle: SaddleCoordinates, evidence_source: Callable[..., Any]
 ) -> tuple[list[Any], list[Any], bool, list[Any]]:
     """Enclose the unstable manifold of the first saddle up to z_u = theta_0, at all speeds.
 
-    ``choose`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
+    ``evidence_source`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
     cone is not shown.
 
     Returns:
         A box of z at theta_0; an enclosure of d(z, speed)/d(speed) there; True if the disk is
         shown to stay upright up to there; a box of states that holds the branch.
     """
-    entry = choose("unstable", saddle)
+    entry = evidence_source("unstable", saddle)
     curve, theta = _manifold_graph(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
-    cone = choose("cone", curve, theta, defect)
+    cone = evidence_source("cone", curve, theta, defect)
     start, whole, matrix = show_departure(curve, theta, cone, defect)
     by_speed = saddle.field(whole, curve.side)[2]
-    _, k_s, k_f = weights = choose("drift", matrix, by_speed)
+    _, k_s, k_f = weights = evidence_source("drift", matrix, by_speed)
     require_positive(
         "6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed)
     )
@@ -288,7 +289,7 @@ def is_unique_connecting_speed(
     saddle: SaddleCoordinates,
     arrival_box: Sequence[Fraction],
     G: Sequence[Any],
-    choose: Callable[..., Any],
+    evidence_source: Callable[..., Any],
 ) -> bool:
     """Return True if it is shown that the unstable manifold stays in a box about the second saddle
     at one speed at most.
@@ -297,7 +298,7 @@ def is_unique_connecting_speed(
         saddle: The coordinates z, with the ball of speeds.
         arrival_box: The half-lengths of the box about the second saddle, in (beta, gamma, v).
         G: The enclosed difference of two speeds' arrivals, in z, per rad/s.
-        choose: Called with "apart", and the values on which these weights of a cone may depend.
+        evidence_source: Called with "apart", and the values on which these weights of a cone may depend.
 
     Raises:
         Unproved: If a branch that stays is not shown to converge to the second saddle.
@@ -308,7 +309,7 @@ def is_unique_connecting_speed(
     require_positive(
         "6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1)))
     )
-    weights = choose("apart", matrix, by_speed, G)
+    weights = evidence_source("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
     return _all_positive(*weights, *inside, *cones(matrix, weights, by_speed))
 
@@ -354,8 +355,8 @@ def _require_eigenvalues(
     )
 
 
-def recorded_choices(entries: Mapping[str, Any]) -> Callable[..., Any]:
-    """Return a function that returns the recorded choice of a given name from a certificate.
+def recorded_evidence(entries: Mapping[str, Any]) -> Callable[..., Any]:
+    """Return a function that returns the recorded evidence of a given name from a certificate.
 
     The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
     its log have been taken.
@@ -363,33 +364,33 @@ def recorded_choices(entries: Mapping[str, Any]) -> Callable[..., Any]:
     replay = StepReplay(entries["flight"], "the flight")
     known = {**entries, "flight": replay}
 
-    def choose(name: str, *context: Any) -> Any:
+    def evidence_source(name: str, *context: Any) -> Any:
         return replay.number == len(replay.log) if name == "arrived" else known[name]
 
-    return choose
+    return evidence_source
 
 
 SHAPES = {
     "heteroclinic connection": (
         {
-            "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
+            "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), NUMBER_SHAPE),
             **dict.fromkeys(("unique", "upright"), one_of(True, False)),
             **dict.fromkeys(("beta", "gamma", "v"), decimal),
         },
-        CHOICES,
+        EVIDENCE_SHAPE,
     )
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about Omega_h: repeat the proof with the choices that it records.
+    """Check a certificate about Omega_h: repeat the proof with the evidence that it records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     numbers = {
         name: (Fraction(x["value"]), Fraction(x["uncertainty"]))
@@ -403,7 +404,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         claim["parameters"],
         claim["friction"],
         numbers["omega_h"],
-        recorded_choices({**evidence, **claimed}),
+        recorded_evidence({**evidence, **claimed}),
     )
     require(
         not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown"

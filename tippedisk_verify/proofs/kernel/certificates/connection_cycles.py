@@ -128,8 +128,8 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    LAWS,
-    MEASURED,
+    FRICTION_LAWS,
+    NUMBER_SHAPE,
     count,
     decimal,
     dyadic,
@@ -139,7 +139,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
-    recorded_choices,
+    recorded_evidence,
     verify_connection,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import Passage, arrivals
@@ -154,8 +154,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 
 __all__ = [
-    "CLAIM",
-    "EVIDENCE",
+    "CLAIM_SHAPE",
+    "EVIDENCE_SHAPE",
     "LID",
     "SHAPES",
     "CyclesNextToConnection",
@@ -170,8 +170,8 @@ LID = "7a.3: arrivals above the lid of D"
 U, S, F = UNSTABLE, SLOW, FAST
 
 
-#: The choices: the box N, the weights of its cones, the set D, and the steps of each flight.
-CHOICES = {
+#: The evidence: the box N, the weights of its cones, the set D, and the steps of each flight.
+CYCLES_EVIDENCE_SHAPE = {
     "box": {"directions": [[dyadic, 3], 3], "extents": [dyadic, 3], "cells": [order, 2]},
     "weights": {
         "steep": [dyadic, 3],
@@ -187,9 +187,11 @@ CHOICES = {
 }
 
 
-CLAIM = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: the claim's own members
-_CONNECTION = {"eigenvalues": [[decimal, 2], 3], "room": [decimal, 3]}
-EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
+CLAIM_SHAPE = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: the claim's own members
+_CONNECTION_CLAIM_SHAPE = {"eigenvalues": [[decimal, 2], 3], "room": [decimal, 3]}
+EVIDENCE_SHAPE = CYCLES_EVIDENCE_SHAPE | {
+    "connection": connections.EVIDENCE_SHAPE | _CONNECTION_CLAIM_SHAPE
+}
 
 
 @dataclass(frozen=True)
@@ -232,7 +234,7 @@ def verify_cycles(
     connection: EnclosedConnection,
     low: Fraction,
     high: Fraction,
-    choose: Callable[..., Any],
+    evidence_source: Callable[..., Any],
     watch: Callable[[float], None] = lambda share: None,
 ) -> CyclesNextToConnection:
     """Prove the limit cycles next to the connection: the half map has one fixed point in Q at each
@@ -244,7 +246,7 @@ def verify_cycles(
         connection: The verified interval of Omega_h.
         low: Below Omega_h.
         high: Above Omega_h.
-        choose: Called with the names of `CHOICES` and the values on which each may depend. Its
+        evidence_source: Called with the names of `CYCLES_EVIDENCE_SHAPE` and the values on which each may depend. Its
             ``entry`` also has the claimed c and d (``gamma``, ``v``).
         watch: Called with the share of the flights' steps that is done.
 
@@ -255,22 +257,24 @@ def verify_cycles(
         Unproved: With the inequality that fails.
     """
     require(
-        not LAWS[connection.friction].two_sided,
+        not FRICTION_LAWS[connection.friction].two_sided,
         "the cycles are proved under the linear friction law only",
     )
     require(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
-    box = choose("box")
+    box = evidence_source("box")
     speeds = ball(low).union(ball(high))
     n = Passage(
         SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]),
         box["extents"],
         box["cells"],
     )
-    n.weighted(choose("weights", n))
-    entry = choose("entry", n)
+    n.weighted(evidence_source("weights", n))
+    entry = evidence_source("entry", n)
     loop_map = LoopMap(n, entry)
     _require_branch_in_box(n, connection)
-    kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
+    kappa = loop_map.verify(
+        _flights(loop_map, low, high, evidence_source("flights", loop_map), watch)
+    )
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
     return CyclesNextToConnection(low, high, connection.high, c, d, kappa, loop_map.time)
 
@@ -283,7 +287,7 @@ class LoopMap:
 
     Args:
         n: The passage through the box N, with its weights.
-        entry: The choice named "entry": the sizes of D and Q, the weight w and the moment.
+        entry: The evidence named "entry": the sizes of D and Q, the weight w and the moment.
     """
 
     def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
@@ -509,24 +513,24 @@ def _require_branch_in_box(n: Passage, connection: EnclosedConnection) -> None:
 
 SHAPES = {
     "cycles next to the connection": (
-        {"friction": one_of("linear"), "numbers": {"omega_h": MEASURED}, **CLAIM},
-        EVIDENCE,
+        {"friction": one_of("linear"), "numbers": {"omega_h": NUMBER_SHAPE}, **CLAIM_SHAPE},
+        EVIDENCE_SHAPE,
     )
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
     """Check a certificate about the limit cycles next to the connection: repeat the proof with the
-    choices that it records.
+    evidence that it records.
 
     Returns the proved result.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     entries = evidence["connection"]
     claimed = {
@@ -536,14 +540,17 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextT
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
     connection = verify_connection(
-        claim["parameters"], "linear", interval, recorded_choices({**entries, **claimed})
+        claim["parameters"], "linear", interval, recorded_evidence({**entries, **claimed})
     )
-    choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
+    recorded = {
+        **evidence,
+        "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]},
+    }
     return verify_cycles(
         connection,
         Fraction(claim["low"]),
         Fraction(claim["high"]),
-        lambda name, *context: choices[name],
+        lambda name, *context: recorded[name],
     )
 
 
@@ -557,7 +564,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    low, high, gamma, v = (claim[name] for name in CLAIM)
+    low, high, gamma, v = (claim[name] for name in CLAIM_SHAPE)
     return (
         f" let gamma be a real number, not an angle; let P be the half map from the section beta = "
         "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - "

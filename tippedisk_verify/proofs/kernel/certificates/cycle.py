@@ -25,8 +25,8 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    LAWS,
-    MEASURED,
+    FRICTION_LAWS,
+    NUMBER_SHAPE,
     STABILITY_WORDS,
     count,
     decimal,
@@ -35,7 +35,12 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     precision,
     require_within_claim,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.krawczyk import (
+    BOX_SHAPE,
+    FLIGHT_SHAPE,
+    FixedPoints,
+    replayed_test,
+)
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
@@ -173,16 +178,16 @@ SHAPES = {
     kind: (
         {
             "omega": decimal,
-            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
+            "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "stable": one_of(True, False, None),
             "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
             "reversals?": count,
         },
         {
             "middle": [dyadic, 2],
-            "centre": FLIGHT,
-            "box": BOX,
-            "wide box?": BOX | {"bits": precision},
+            "centre": FLIGHT_SHAPE,
+            "box": BOX_SHAPE,
+            "wide box?": BOX_SHAPE | {"bits": precision},
         },
     )
     for kind, section in KINDS.items()
@@ -190,14 +195,14 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about one limit cycle: repeat the proof with the choices that it records.
+    """Check a certificate about one limit cycle: repeat the proof with the evidence that it records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])
@@ -213,7 +218,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     for name, number in claim["numbers"].items():
         require_within_claim(number, numbers[name], name)
     require(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
-    if LAWS[claim["friction"]].two_sided:
+    if FRICTION_LAWS[claim["friction"]].two_sided:
         require(
             claim.get("reversals") == reversals(section, fixed),
             "claim: the sliding reversals are not shown",
@@ -239,7 +244,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
     section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = UNKNOWNS[section]
     sliding = ""
-    if LAWS[claim["friction"]].two_sided:
+    if FRICTION_LAWS[claim["friction"]].two_sided:
         changes = (
             f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
         )

@@ -36,7 +36,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    MEASURED,
+    NUMBER_SHAPE,
     decimal,
     one_of,
     precision,
@@ -52,7 +52,7 @@ from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 __all__ = [
     "KINDS",
     "SHAPES",
-    "STEPS",
+    "STEPS_SHAPE",
     "ArcStatus",
     "Job",
     "Mapped",
@@ -74,15 +74,15 @@ __all__ = [
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
 _UNIQUENESS_KEYS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
-STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
-BOX = {"radii": [decimal, 2], "steps": STEPS}
-ARC = {
+STEPS_SHAPE = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
+BOX_SHAPE = {"radii": [decimal, 2], "steps": STEPS_SHAPE}
+ARC_SHAPE = {
     "end": decimal,
     "curve": [[decimal, None], 2],
     "half": [decimal, None],
     "bits": precision,
-    "box": BOX,
-    "wide box?": BOX,
+    "box": BOX_SHAPE,
+    "wide box?": BOX_SHAPE,
 }
 
 Pair = tuple[Fraction, Fraction]
@@ -127,7 +127,7 @@ class Piece:
     curve: CoefficientRows
     unique_within: Pair  #: of the polynomials: no other cycle is nearer
     within: Pair  #: of the polynomials: the true values are this near
-    #: with the shape `ARC`
+    #: with the shape `ARC_SHAPE`
     evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -176,7 +176,7 @@ def box_test(
     low: Fraction,
     arc: Mapping[str, Any],
     radii: Sequence[Fraction],
-    choices: Any,
+    proposer: Any,
 ) -> Arc:
     """Test if there is one limit cycle in a box about each point of an arc, by Krawczyk's operator.
 
@@ -187,7 +187,7 @@ def box_test(
         low: The amplitude at which the arc begins [rad].
         arc: Its end, and the coefficients of the two unknown numbers and of half the period.
         radii: The box's radii, for the two unknown numbers.
-        choices: The proposer of the flight's steps.
+        proposer: The proposer of the flight's steps.
 
     Returns:
         The test's result, which may be that the cycles are not included.
@@ -206,7 +206,7 @@ def box_test(
     )
     deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
     curve = (Curve if low else ScaledCurve)(parameter, first, second, deviation, half.mid())
-    return arc_test(constants(disk), curve, choices)
+    return arc_test(constants(disk), curve, proposer)
 
 
 def first_unproved_sign(arc: Arc) -> ArcStatus | None:
@@ -235,7 +235,7 @@ def verify_piece(job: Job) -> Piece:
     wrong shape.
     """
     disk, low, number, content = job
-    arc = read_shape(content, ARC, f"arc {number}")
+    arc = read_shape(content, ARC_SHAPE, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
     tests: list[Arc] = []
     with working_precision(arc["bits"]):
@@ -344,7 +344,7 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
     return omega, ball(last.high), v
 
 
-def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the formats of the claim and of the evidence in a certificate about the family.
 
     `reading.parsed` checks a file against them. If ``whole``, the family reaches up to the
@@ -352,17 +352,21 @@ def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
     """
     claim = {
         "friction": one_of("linear"),
-        "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
+        "numbers": dict.fromkeys(
+            ("omega_crit", "omega_h") if whole else ("omega_crit",), NUMBER_SHAPE
+        ),
         **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
         "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, decimal),
     }
-    evidence: dict[str, Any] = {"arcs": [ARC, None]}
+    evidence: dict[str, Any] = {"arcs": [ARC_SHAPE, None]}
     if whole:
-        return claim | connection_cycles.CLAIM, evidence | {"end": connection_cycles.EVIDENCE}
+        return claim | connection_cycles.CLAIM_SHAPE, evidence | {
+            "end": connection_cycles.EVIDENCE_SHAPE
+        }
     return claim, evidence
 
 
-SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
+SHAPES = {kind: _family_shape(whole) for kind, whole in KINDS.items()}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:

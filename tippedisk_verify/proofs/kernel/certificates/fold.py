@@ -14,13 +14,18 @@ from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, negative, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    MEASURED,
+    NUMBER_SHAPE,
     dyadic,
     one_of,
     require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
-from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.krawczyk import (
+    BOX_SHAPE,
+    FLIGHT_SHAPE,
+    FixedPoints,
+    replayed_test,
+)
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
@@ -122,29 +127,29 @@ def require_extremum(
     require_within_claim(numbers["period"], section.flights_per_period * whole.box.time, "period")
 
 
-_POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
+_TEST_SHAPE = {"middle": [dyadic, 2], "centre": FLIGHT_SHAPE, "box": BOX_SHAPE}
 SHAPES = {
     kind: (
         {
             "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
-            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
+            "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "extremum": one_of(*EXTREMA),
         },
-        dict.fromkeys(POINTS, _POINT),
+        dict.fromkeys(POINTS, _TEST_SHAPE),
     )
     for kind, section in KINDS.items()
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about a fold: repeat the proof with the choices that it records.
+    """Check a certificate about a fold: repeat the proof with the evidence that it records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][UNKNOWNS[section][0]]

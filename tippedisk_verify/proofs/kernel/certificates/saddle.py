@@ -85,11 +85,12 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     series_length,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import LAWS
+from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
 from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import polynomial
 
 __all__ = [
@@ -223,13 +224,13 @@ class SaddleCoordinates:
         """Convert coordinates z about the saddle to the offset y = P z in (beta_bar,
         gamma_bar, v).
         """
-        return _times(self.directions, z)
+        return matrix_times_vector(self.directions.tolist(), z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
         """Convert an ``offset`` y from the saddle, in (beta_bar, gamma_bar, v), to coordinates z =
         P^-1 y.
         """
-        return _times(self.inverse, offset)
+        return matrix_times_vector(self.inverse.tolist(), offset)
 
     def arrived(self, state: Sequence[Any]) -> list[Any]:
         """Convert a state (beta_bar, gamma_bar, v) to the coordinates z about the second saddle."""
@@ -265,7 +266,7 @@ class SaddleCoordinates:
     @property
     def two_sided(self) -> bool:
         """True if the friction law has two analytic sides."""
-        return LAWS[self.friction].two_sided
+        return FRICTION_LAWS[self.friction].two_sided
 
     @cached_property
     def _models(self) -> dict[int | None, Model]:
@@ -559,10 +560,3 @@ def show_isolating_block(
         - abs(matrix[SLOW, FAST] * box[FAST]),
     )
     return delta, box, matrix
-
-
-def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
-    return [
-        matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
-        for row in range(3)
-    ]

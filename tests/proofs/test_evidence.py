@@ -1,4 +1,4 @@
-"""Choices made without sense: what passes the kernel's tests is true all the same."""
+"""Evidence made without sense: what passes the kernel's tests is true all the same."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Careless(FlightStepSearch):
 
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_what_careless_choices_show_is_true(friction: str) -> None:
+def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     parameters, size = PRINTED.with_friction(friction), arb("1e-9")
     with working_precision(120):
         truth = half_flight(model_of(parameters, ball(OMEGA)), *map(ball, START), derivatives=True)

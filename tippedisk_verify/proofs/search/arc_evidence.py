@@ -2,7 +2,7 @@
 to accept.
 
 Balls become points and floats everywhere. `kernel.half_map_of_curves` and
-`kernel.certificates.family` test these choices, and any choice that passes is right.
+`kernel.certificates.family` test this evidence, and any that passes is right.
 """
 
 from __future__ import annotations
@@ -31,11 +31,10 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     Arc,
     Curve,
     CurvePath,
-    Matrix,
-    inverse,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_order_2
 from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.search.proof import SearchStopped, parameter_texts
@@ -65,7 +64,7 @@ _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
 Guess = tuple[Fraction, Fraction, Fraction]
-Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and choices
+Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and a proposer
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
 _MAX_STEPS, _MAX_TRIALS = 2000, 15
@@ -78,7 +77,7 @@ class CurveStepSearch:
     """A proposer that finds the steps of one flight from a curve of starts by trials of their
     length.
 
-    ``log`` records the choices. They are first rounded to a few digits, so the log holds them
+    ``log`` records the steps and axes. They are first rounded to a few digits, so the log holds them
     exactly.
     """
 
@@ -217,7 +216,7 @@ def family_polynomials(
     zero = 0 * start[0]
     point = [part.mid() for part in start]
     columns = (_slope(constants, kind, point, total, k) for k in UNKNOWNS)
-    chord = inverse(list(zip(*columns, strict=True)))
+    chord = inverse_of_order_2(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
     half = Jet([total])
     for k in (*[0] * _CHORD_STEPS, *range(1, degree + 1)):
@@ -300,12 +299,12 @@ def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         radii: The radii of the first box.
     """
     for _ in range(_MAX_ATTEMPTS):
-        choices, sizes = (
+        proposer, sizes = (
             CurveStepSearch(),
             [two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
         )
         try:
-            arc = test(sizes, choices)
+            arc = test(sizes, proposer)
         except Unproved:
             raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
         if not all(off.is_finite() for off in arc.within):
@@ -315,13 +314,13 @@ def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
             for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return BoxedTest(arc, sizes, within, _box_evidence(sizes, choices))
+            return BoxedTest(arc, sizes, within, _box_evidence(sizes, proposer))
         radii = [2 * part for part in within]
     raise SearchStopped(ArcStatus.NOT_INCLUDED)
 
 
-def _box_evidence(radii: Sequence[Fraction], choices: CurveStepSearch) -> dict[str, Any]:
-    return {"radii": [*map(exact_text, radii)], "steps": choices.log}
+def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[str, Any]:
+    return {"radii": [*map(exact_text, radii)], "steps": proposer.log}
 
 
 def prove_piece(
@@ -348,7 +347,7 @@ def prove_piece(
                 "curve": [[*map(exact_text, row)] for row in (first, second)],
                 "half": [*map(exact_text, half_period)],
             }
-            test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
+            test: Test = lambda radii, proposer: box_test(disk, low, arc, radii, proposer)  # noqa: E731
             radii = [
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
@@ -371,13 +370,13 @@ def prove_piece(
         room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
         slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in (first, second)]
         for share in _WIDE_SHARES:
-            wide, choices = (
+            wide, proposer = (
                 [two_digits(slope * room * share) for slope in slopes],
                 CurveStepSearch(),
             )
             with suppress(Unproved):
-                if min(map(sub, wide, box.radii)) > 0 and test(wide, choices).included:
-                    unique, evidence["wide box"] = wide, _box_evidence(wide, choices)
+                if min(map(sub, wide, box.radii)) > 0 and test(wide, proposer).included:
+                    unique, evidence["wide box"] = wide, _box_evidence(wide, proposer)
                     break
         return Piece(
             low,
