@@ -81,15 +81,15 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     ):
         with working_precision(250):
             start = [
-                polynomial(jet.c, ball(s)) + sign * ball("1e-5")
+                polynomial(jet.coefficients, ball(s)) + sign * ball("1e-5")
                 for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)
             ]
             *image, time, divergence = integrated(
                 *(ball_to_measured(part.mid()).value for part in start)
             )
-            assert polynomial(flight.divergence.c, ball(s)).contains(divergence)
+            assert polynomial(flight.divergence.coefficients, ball(s)).contains(divergence)
             if not any(signs):
-                assert polynomial(flight.own_time.c, ball(s)).contains(time)
+                assert polynomial(flight.own_time.coefficients, ball(s)).contains(time)
             for own, row, x in zip(
                 (*flight.image, flight.own_time),
                 (*flight.matrix, flight.time_by),
@@ -97,10 +97,10 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
                 strict=True,
             ):
                 moved = sum(
-                    polynomial(entry.c, ball(s)) * sign
+                    polynomial(entry.coefficients, ball(s)) * sign
                     for entry, sign in zip(row, signs, strict=True)
                 ) * ball("1e-5")
-                assert (polynomial(own.c, ball(s)) + moved).contains(x)
+                assert (polynomial(own.coefficients, ball(s)) + moved).contains(x)
 
 
 @lru_cache(maxsize=4)
@@ -153,7 +153,7 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
         )
         assert all(
             a.overlaps(b) and a.contains(b)
-            for a, b in zip(again.own_time.c, flight.own_time.c, strict=True)
+            for a, b in zip(again.own_time.coefficients, flight.own_time.coefficients, strict=True)
         )
         for spoil, said in SPOILED.values():
             spoiled = json.loads(json.dumps(log))
@@ -182,7 +182,7 @@ def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
     )
     deviation = [arb(0), arb(0), arb(0)]
     for k in UNKNOWNS:
-        deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
+        deviation[k] = arb(0, abs(polynomials[k].coefficients[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
     return arc_test(
@@ -212,14 +212,16 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
         assert not arc_of("1e-6", off=3).included  # a box beside the family
         truth = cycle(Fraction(1)).numbers()
-        s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.c[0])) / ball("5e-3")
+        s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.coefficients[0])) / ball(
+            "5e-3"
+        )
         for jet, off, value in zip(
             (found.curve.v, found.curve.omega),
             found.within,
             (truth["v_0"].value, OMEGA + Fraction(RADIUS)),
             strict=True,
         ):
-            assert (polynomial(jet.c, s) + off).contains(ball(value))
+            assert (polynomial(jet.coefficients, s) + off).contains(ball(value))
 
 
 def test_a_saddle_is_not_stable() -> None:

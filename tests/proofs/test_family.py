@@ -77,7 +77,9 @@ def test_the_scaled_sine_and_its_derivative(q) -> None:
         for mine, jet, theirs in zip(found, wide, expected, strict=True):
             assert mine.overlaps(theirs)
             assert mine.rad() < 2.0**-50  # 64 bits, of which the series and the quotient lose some
-            assert polynomial(jet.c, (ball(q) - ball("0.4")) / ball("0.4")).overlaps(theirs)
+            assert polynomial(jet.coefficients, (ball(q) - ball("0.4")) / ball("0.4")).overlaps(
+                theirs
+            )
 
 
 def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
@@ -122,11 +124,11 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
         )
         found = fly(constants, curve, CurveStepSearch())
         image, matrix = (
-            [jet.c[0] for jet in found.image],
-            [[jet.c[0] for jet in row] for row in found.matrix],
+            [jet.coefficients[0] for jet in found.image],
+            [[jet.coefficients[0] for jet in row] for row in found.matrix],
         )
-        assert found.own_time.c[0].overlaps(truth.time)
-        assert found.divergence.c[0].overlaps(truth.divergence)
+        assert found.own_time.coefficients[0].overlaps(truth.time)
+        assert found.divergence.coefficients[0].overlaps(truth.divergence)
         for k in range(2):
             assert (a * image[k]).overlaps(truth.image[k])
             assert matrix[k][1].overlaps(truth.matrix[k][1])
@@ -137,7 +139,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
             # 6.
             assert matrix[k][0].rad() < 1e-6
         # The formula is for a fixed point, whose image begins with 1.
-        trace = curve.trace(found.matrix).c[0] + image[0] - 1
+        trace = curve.trace(found.matrix).coefficients[0] + image[0] - 1
         assert trace.overlaps(truth.matrix[0][0] + truth.matrix[1][1])
         assert trace.rad() < 1e-5  # three of the balls above
 

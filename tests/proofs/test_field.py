@@ -188,7 +188,7 @@ def test_exact_results_lie_inside() -> None:
             )
             results = {name: operation(jet_a, jet_b) for name, operation in OPERATIONS.items()}
             results["convolution"] = convolved(jet_a, jet_b)
-            results["cut"] = jet_a.cut(1) + jet_b
+            results["cut"] = jet_a.truncated(1) + jet_b
         with working_precision(300):
             a, b = at(x, s), at(y, s)
             exact = {name: operation(a, b) for name, operation in OPERATIONS.items()}
@@ -196,7 +196,8 @@ def test_exact_results_lie_inside() -> None:
         for name, value in results.items():
             with working_precision(64):
                 shown = [
-                    ball_to_measured(held) for held in (polynomial(value.c, ball(s)), value.range())
+                    ball_to_measured(held)
+                    for held in (polynomial(value.coefficients, ball(s)), value.range())
                 ]
             for wide in shown:
                 with working_precision(300):

@@ -24,7 +24,7 @@ from collections.abc import Callable, Sequence
 from copy import copy
 from typing import Any
 
-from tippedisk_verify.proofs.kernel.balls import converted_like, range_of, upper
+from tippedisk_verify.proofs.kernel.balls import converted_like, magnitude_estimate, range_of
 from tippedisk_verify.proofs.kernel.small_matrices import (
     Matrix,
     inverse_of_order_3,
@@ -136,7 +136,7 @@ class Frame:
         image.middle = [part.mid() for part in centre]
         image.lead = [[entry.mid() for entry in row] for row in lead]
         sizes = [
-            upper(part) + sum(map(upper, row))
+            magnitude_estimate(part) + sum(map(magnitude_estimate, row))
             for part, row in zip(self.rest, self.spread, strict=True)
         ]
         image.axes = [

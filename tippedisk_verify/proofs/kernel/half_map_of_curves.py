@@ -78,17 +78,17 @@ from typing import Any, ClassVar
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
-    cut_for_derivatives,
     inside,
     negative,
     positive,
     range_of,
     require,
+    truncated_for_derivatives,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import as_float
 from tippedisk_verify.proofs.kernel.field import FieldConstants
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
+from tippedisk_verify.proofs.kernel.jets import Jet, symmetric_hull
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
 from tippedisk_verify.proofs.kernel.small_matrices import (
@@ -217,7 +217,7 @@ class _Equations:
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
         self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
-        short = curve.equations(constants, *map(cut_for_derivatives, curve.numbers))
+        short = curve.equations(constants, *map(truncated_for_derivatives, curve.numbers))
         self.rates, self.with_divergence = short.rates, short.with_divergence
         self.bound = curve.equations(constants, *map(range_of, curve.numbers))
         self.bound.orbit = self.bound.orbit_at(self.bound.omega)
@@ -231,7 +231,7 @@ class CurvePath(Path):
 
     def __init__(self, constants: FieldConstants, curve: Curve, proposer: Any) -> None:
         zero = 0 * curve.v.mid()
-        nothing, short = zero.c[0], cut_for_derivatives(zero)
+        nothing, short = zero.coefficients[0], truncated_for_derivatives(zero)
         states = Frame([zero, *curve.start], curve.omega)
         states.deviation, states.columns = [*curve.deviation], curve.columns
         states.lead = [[short] * 3, *([short + entry for entry in row] for row in curve.unit)]
@@ -254,7 +254,7 @@ def beta_extremes(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
 
     The derivatives are those at a fixed time, with respect to the curve's three numbers.
     """
-    nothing = 0 * step.length.c[0]
+    nothing = 0 * step.length.coefficients[0]
     open_parts = [(0.0, 1.0)]
     while open_parts:
         begin, end = open_parts.pop()
@@ -282,7 +282,7 @@ def fly(constants: FieldConstants, curve: Curve, proposer: Any) -> CurveFlight:
     """
     path = CurvePath(constants, curve, proposer)
     require(negative(path.box[2].range()), "v is not shown to be negative at the start")
-    least, extreme_steps = 0 * curve.total.c[0], []
+    least, extreme_steps = 0 * curve.total.coefficients[0], []
     try:
         while True:
             step = path.step()
@@ -320,14 +320,14 @@ def _landed(path: CurvePath, step: Step, least: Any, extreme_steps: Sequence[Ste
     tau = (path.total - path.time).mid()
     centre, rows = step.centre(tau), step.rows_at(tau)
     beta = states.image(centre, rows)[0]
-    early = tau + symmetric(beta.range() / step.enclosure[2])
+    early = tau + symmetric_hull(beta.range() / step.enclosure[2])
     within = all(positive(part.range()) for part in (tau, length - tau, early, length - early))
     require(within, "the return is not shown to lie within the step")
     v = step.component(2, early)
     moment, own_moment = tau - beta / v, tau - states.image_of_middle(centre, rows)[0] / v
     own = states.image_of_middle(step.centre(own_moment), step.rows_at(own_moment))
     rows = step.rows_at(moment)
-    _, gamma_bar, v = map(cut_for_derivatives, states.image(step.centre(moment), rows))
+    _, gamma_bar, v = map(truncated_for_derivatives, states.image(step.centre(moment), rows))
     require(positive(v.range()), "v is not shown to be positive at the return")
     acceleration = path.model.rates((0 * v, gamma_bar, v))[2]
     by_start = states.derivatives(rows)
@@ -436,7 +436,7 @@ def arc_test(constants: FieldConstants, curve: Curve, proposer: Any) -> Arc:
     by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
     chosen = midpoint_inverse(by_unknowns)
     degree = chosen[0][0].degree
-    value = [entry.cut(degree) for entry in value]
+    value = [entry.truncated(degree) for entry in value]
     within, included = [], True
     for i in range(2):
         image = -(chosen[i][0] * value[0] + chosen[i][1] * value[1]).range()

@@ -21,14 +21,14 @@ from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     ball,
     converted_like,
-    cut_for_derivatives,
+    magnitude_estimate,
     range_of,
     require,
-    upper,
+    truncated_for_derivatives,
 )
 from tippedisk_verify.proofs.kernel.field import Law, field
 from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.step import Step, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, log2_magnitude
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, Node, System, with_derivatives
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
@@ -182,7 +182,8 @@ class Path:
         self.middle: Sequence[Any] | None = None
         self.box = self.frame.box()
         self.time, self.divergence = (
-            converted_like(part, 0) for part in (self.box[0], cut_for_derivatives(self.box[0]))
+            converted_like(part, 0)
+            for part in (self.box[0], truncated_for_derivatives(self.box[0]))
         )
         self.steps = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
@@ -219,7 +220,7 @@ class Path:
     def _exhaustion(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
             return FlowStatus.NO_ENCLOSURE
-        if max(magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
+        if max(log2_magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
             return FlowStatus.TOO_WIDE
         return FlowStatus.STEP_LIMIT if self.steps >= _MAX_STEPS else None
 
@@ -227,7 +228,7 @@ class Path:
         """Return the set of the states (a `Frame`) after ``time`` [s] in the step, or at the step's
         end if the time is left out.
         """
-        stiffness = 1 + upper(
+        stiffness = 1 + magnitude_estimate(
             range_of(step.derivatives[8][1])
         )  # of d(v)/d(v): its rate at the start
         centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))

@@ -193,13 +193,16 @@ class ScaledCurve(Curve):
 
     def trace(self, matrix: Matrix) -> Jet:
         degree = matrix[0][0].degree
-        fixed, square = (self.v + self.deviation[1]).cut(degree), self.gamma_bar.cut(degree)
+        fixed, square = (
+            (self.v + self.deviation[1]).truncated(degree),
+            self.gamma_bar.truncated(degree),
+        )
         trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
         return trace
 
     def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
-        rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
+        rise: Jet = 2 * (self.gamma_bar.truncated(slope.degree) * slope) + beta_bar
         return rise
 
     def __post_init__(self) -> None:

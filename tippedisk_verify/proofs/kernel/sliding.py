@@ -55,9 +55,9 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball_constants,
     converted_like,
+    magnitude_estimate,
     negative,
     positive,
-    upper,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
@@ -303,12 +303,12 @@ class SlidingPath(Path):
         tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
         if tau is None or middle_tau is None:
             return None
-        until = upper(tau + _CROSSING_MARGIN * step.length)
+        until = magnitude_estimate(tau + _CROSSING_MARGIN * step.length)
         left = until - tau
         other = self.model.of_side(-1)
         onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
         onwards.middle = step.centre(middle_tau)
-        second = onwards.step(upper(left * _LENGTH_MARGIN))
+        second = onwards.step(magnitude_estimate(left * _LENGTH_MARGIN))
         if second is None or not (positive(left) and positive(second.length - left)):
             return None
         if not negative(_signed(other.motion(second.enclosure)[1], self.side)):

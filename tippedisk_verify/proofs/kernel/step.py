@@ -46,21 +46,21 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     around_zero,
     converted_like,
-    cut_for_derivatives,
     inside,
     intersection,
     is_ball_array,
+    magnitude_estimate,
     negative,
     positive,
     range_of,
-    upper,
+    truncated_for_derivatives,
     working_bits,
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.frame import Frame
 from tippedisk_verify.proofs.kernel.taylor_recurrences import System
 
-__all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
+__all__ = ["Step", "Trial", "enclosed_moment", "log2_magnitude", "polynomial"]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
 _MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
@@ -90,7 +90,7 @@ class Step:
         """Return the derivatives of the state at ``time`` with respect to the state at the step's
         start and Omega, for every orbit from the box.
         """
-        columns, time = range(0, len(self.derivatives) - 2, 3), cut_for_derivatives(time)
+        columns, time = range(0, len(self.derivatives) - 2, 3), truncated_for_derivatives(time)
         return tuple(
             tuple(polynomial(self.derivatives[column + row], time) for column in columns)
             for row in range(3)[components]
@@ -106,7 +106,7 @@ class Step:
         """Return the integral of div f, the field's divergence, from the step's start
         to ``time``.
         """
-        return polynomial(self.derivatives[-1], cut_for_derivatives(time))
+        return polynomial(self.derivatives[-1], truncated_for_derivatives(time))
 
     def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
         """Return balls of the state, or of some components, after ``time``, a ball within [0,
@@ -158,7 +158,7 @@ class Trial:
         self.path, self.orders, model = path, orders, path.model
         self.frame = path.frame  #: the path's place
         self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
-        box = [cut_for_derivatives(part) for part in path.box]
+        box = [truncated_for_derivatives(part) for part in path.box]
         zero, one = (converted_like(box[0], k) for k in (0, 1))
         columns = range(3 + len(path.frame.columns))
         start = [*box, *(one if row == column else zero for column in columns for row in range(3))]
@@ -244,7 +244,7 @@ def enclosed_moment(
             moment = guess.union(guess + reach)
         moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
-        if not 1.5 * upper(moment.rad()) < upper(reach):
+        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(reach):
             break
         slope = slope_over(moment)
     return moment if moment.is_finite() else None
@@ -261,11 +261,13 @@ def _pad(part: Any) -> Any:
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (
-        max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0
+        max(-_REMAINDER_BITS, log2_magnitude(part) - _REMAINDER_BITS // 2)
+        if part.is_finite()
+        else 0
     )
 
 
-def magnitude(x: Any) -> int:
+def log2_magnitude(x: Any) -> int:
     """Return the least integer k, but for rounding, with |x| < 2^k for all x of the ball; -10^6 for
     zero.
 

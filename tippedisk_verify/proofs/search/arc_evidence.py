@@ -21,8 +21,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     Piece,
     box_test,
+    exact_magnitude_bound,
     first_unproved_sign,
-    upper_bound,
 )
 from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
@@ -141,8 +141,8 @@ def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: 
     The remainders of the series grow like the ``power`` of the length and may reach 2^tolerance.
     Returns infinity if a remainder is not finite.
     """
-    size = max(float(part[-1].c[0].abs_upper()) for part in series)
-    length = float(step.length.c[0].mid())
+    size = max(float(part[-1].coefficients[0].abs_upper()) for part in series)
+    length = float(step.length.coefficients[0].mid())
     if not (math.isfinite(size) and length > 0):
         return math.inf
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
@@ -160,7 +160,7 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
     for _ in range(_MAX_STEPS):
         series = orbit.coefficients(state, ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_MAX_SHARE, _reach(series) / float(total.c[0].mid()))
+        reach = min(_MAX_SHARE, _reach(series) / float(total.coefficients[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
@@ -178,7 +178,9 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
     stay below 2^_TOLERANCE.
     """
     sizes = [
-        (float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])
+        (float(part[n].coefficients[0].abs_upper()), n)
+        for part in series
+        for n in (ORDERS[0] - 1, ORDERS[0])
     ]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
@@ -223,13 +225,16 @@ def family_polynomials(
         if len(polynomials[0]) == k:
             for part in polynomials:
                 part.append(zero)
-            half = Jet([*half.c, zero])
+            half = Jet([*half.coefficients, zero])
             if k == 1:
                 polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
         curve = kind(first, v, speed, [zero] * 3, half)
         image, half = approximate_flight(constants, curve)
-        value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
+        value = [
+            after.coefficients[k] - before.coefficients[k]
+            for after, before in zip(image, curve.start, strict=True)
+        ]
         for row, index in zip(chord, UNKNOWNS, strict=True):
             polynomials[index][k] = (
                 polynomials[index][k] - row[0] * value[0] - row[1] * value[1]
@@ -248,10 +253,10 @@ def family_rows(
     """
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
     jets = [*(polynomials[k] for k in UNKNOWNS), half]
-    if not all(entry.is_finite() for jet in jets for entry in jet.c):
+    if not all(entry.is_finite() for jet in jets for entry in jet.coefficients):
         raise SearchStopped(ArcStatus.NOT_FOLLOWED)
     return [
-        tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.c)
+        tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.coefficients)
         for jet in jets
     ]
 
@@ -272,7 +277,7 @@ def _slope(
         constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1))
     )
     return [
-        (part.c[1] / _DIFFERENCE_SHARE).mid() - own[moving]
+        (part.coefficients[1] / _DIFFERENCE_SHARE).mid() - own[moving]
         for part, own in zip(image, kind.unit, strict=True)
     ]
 
@@ -310,7 +315,7 @@ def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         if not all(off.is_finite() for off in arc.within):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
-            two_digits(max(upper_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
+            two_digits(max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
             for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):

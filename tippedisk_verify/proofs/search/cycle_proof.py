@@ -35,7 +35,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import model_of
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
-from tippedisk_verify.proofs.kernel.step import magnitude
+from tippedisk_verify.proofs.kernel.step import log2_magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, SearchStopped, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
@@ -136,13 +136,13 @@ class CycleProof(Proof):
             if not value.is_finite():
                 return 64
             size = (
-                magnitude(value)
+                log2_magnitude(value)
                 if name in cycle.main_numbers(self.section)
-                else max(0, magnitude(value))
+                else max(0, log2_magnitude(value))
             )
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
             worst = max(
-                worst, magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10))
+                worst, log2_magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10))
             )
         return worst
 
@@ -325,7 +325,9 @@ class CycleAttempt:
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
                 raise SearchStopped(CycleStatus.TRIVIAL, "in Newton's iteration")
-            size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
+            size = max(log2_magnitude(part) for part in step) - max(
+                log2_magnitude(part) for part in state
+            )
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
@@ -378,4 +380,6 @@ def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
     if not all(part.is_finite() for part in fixed.residual):
         return 64
     pairs = zip(fixed.residual, evidence["box"]["radii"], strict=True)
-    return max(16, 8 + max(magnitude(part.rad()) - magnitude(size) for part, size in pairs))
+    return max(
+        16, 8 + max(log2_magnitude(part.rad()) - log2_magnitude(size) for part, size in pairs)
+    )

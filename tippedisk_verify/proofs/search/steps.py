@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, Section
 from tippedisk_verify.proofs.kernel.proved_flow import Path, short_float
 from tippedisk_verify.proofs.kernel.sliding import Crossing
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
-from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
+from tippedisk_verify.proofs.kernel.step import Step, Trial, log2_magnitude
 
 __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
 
@@ -81,7 +81,7 @@ class FlightStepSearch:
             longest = min(
                 math.inf if longest is None else longest, short_float(_DAMPED / max(1.0, stiffness))
             )
-        sizes = [max(0, magnitude(column[0])) for column in trial.wide[3:]]
+        sizes = [max(0, log2_magnitude(column[0])) for column in trial.wide[3:]]
         reach, share = _length(trial.thin, allowed), self._share
         for _ in range(_MAX_TRIALS):
             length = short_float(min(reach * share, longest if longest is not None else math.inf))
@@ -134,15 +134,15 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
         max(
-            max(0, magnitude(part)) - bits,
-            magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
+            max(0, log2_magnitude(part)) - bits,
+            log2_magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
         )
         for part in path.box
     ]
     if not path.sharp:
         return allowed, _MEAN_VALUE_TOLERANCE
     # The derivatives differ over the box by about its radius.
-    return allowed, max(-bits, max(magnitude(part.rad()) for part in path.box) - 7)
+    return allowed, max(-bits, max(log2_magnitude(part.rad()) for part in path.box) - 7)
 
 
 def _order(bits: int, least: int = _MIN_ORDER) -> int:
@@ -175,7 +175,7 @@ def _excess(
     size = math.log2(length)
     return (
         max(
-            magnitude(r) + power * size - s - a
+            log2_magnitude(r) + power * size - s - a
             for r, s, a in zip(remainders, sizes, allowed, strict=True)
         )
         / power
@@ -194,7 +194,7 @@ def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     """
     order = len(series[0]) - 1
     exponents = (
-        (limit - magnitude(column[n])) / n
+        (limit - log2_magnitude(column[n])) / n
         for column, limit in zip(series, allowed, strict=True)
         for n in (order - 1, order)
     )

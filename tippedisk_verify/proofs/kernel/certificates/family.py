@@ -61,11 +61,11 @@ __all__ = [
     "box_test",
     "curve_fault",
     "enclosed_omega_crit",
+    "exact_magnitude_bound",
     "first_unproved_sign",
     "last_cycle",
     "sentence",
     "unique_within",
-    "upper_bound",
     "verify",
     "verify_piece",
 ]
@@ -165,7 +165,7 @@ def polynomial(texts: Sequence[str]) -> Jet:
     return Jet([ball(Fraction(text)) for text in texts])
 
 
-def upper_bound(x: Any) -> Fraction:
+def exact_magnitude_bound(x: Any) -> Fraction:
     """Return an upper bound of the absolute values in a finite ball."""
     middle, radius = midpoint_and_radius(x)
     return abs(middle) + radius
@@ -248,7 +248,7 @@ def verify_piece(job: Job) -> Piece:
                 require(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
-        within = [upper_bound(off) for off in tests[0].within]
+        within = [exact_magnitude_bound(off) for off in tests[0].within]
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
     require(
         all(a <= b for a, b in zip(*boxes, strict=True)),

@@ -110,7 +110,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SaddleCoordinates,
     abs_upper,
     cones,
-    hull_of_array,
+    hull_of_ball_array,
     off_diagonal_sums,
     products,
     require_positive,
@@ -167,7 +167,7 @@ class Passage:
             held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
             stirred += mixed
             for shell in np.unique(shells[block]):
-                whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
+                whole[shell].append([hull_of_ball_array(x[shells[block] == shell]) for x in held])
         self.stirred = [
             abs_upper(reduce(arb.union, column)) for column in zip(*stirred, strict=True)
         ]
@@ -197,7 +197,9 @@ class Passage:
                 sum(row, point)
                 for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)
             ]
-            mixed = [[hull_of_array(x) for x in products(rates, [x[central] for x in by_speed])]]
+            mixed = [
+                [hull_of_ball_array(x) for x in products(rates, [x[central] for x in by_speed])]
+            ]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
     def _means(self, shells: Sequence[Sequence[Any]]) -> None:
@@ -469,7 +471,7 @@ def arrivals(
         if at_extreme.any():
             half = step.length / 2
             by = step.derivatives_at(half + half.around_zero())[0][1:]
-            tops.append([hull_of_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
+            tops.append([hull_of_ball_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
         passed_extreme |= at_extreme
         watch(number / count)
         if number == count:
@@ -487,7 +489,7 @@ def arrivals(
     time, *landed = _landed(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
-    return [*([hull_of_array(x) for x in row] for row in rows), beta]
+    return [*([hull_of_ball_array(x) for x in row] for row in rows), beta]
 
 
 class _Axes:

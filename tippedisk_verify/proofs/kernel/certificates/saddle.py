@@ -101,7 +101,7 @@ __all__ = [
     "SaddleCoordinates",
     "abs_upper",
     "cones",
-    "hull_of_array",
+    "hull_of_ball_array",
     "off_diagonal_sums",
     "products",
     "require_positive",
@@ -154,7 +154,7 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
 
-def hull_of_array(x: BallArray) -> Any:
+def hull_of_ball_array(x: BallArray) -> Any:
     """Return one of Arb's balls that contains all balls of an array.
 
     The ends of the balls, rounded sums in doubles, are moved outwards by one ulp. Returns NaN if a
