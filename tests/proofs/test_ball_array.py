@@ -91,10 +91,10 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
     *state, speeds = (BallArray(*np.array(column).T) for column in columns)
     model = Model(Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED))), speeds)
     tangents = [int(row == column) for column in range(4) for row in range(3)]
-    found = model.variational.coefficients(
+    found = model.variational_system.coefficients(
         [*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER
     )
-    thin = model.orbit.coefficients([part.mid() for part in state], ORDER)
+    thin = model.midpoint_system.coefficients([part.mid() for part in state], ORDER)
     with working_precision(200):
         for place in range(count):
             for turn in range(3):
@@ -106,7 +106,9 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
                     for column, share in zip(columns, shares, strict=True)
                 )
                 exact = Model(ball_constants(PRINTED), omega)
-                images = exact.variational.coefficients([*point, *map(ball, tangents)], ORDER)
+                images = exact.variational_system.coefficients(
+                    [*point, *map(ball, tangents)], ORDER
+                )
                 pairs = [
                     *zip(found, images, strict=True),
                     *(() if turn else zip(thin, images[:3], strict=True)),
@@ -129,11 +131,11 @@ def _assert_within(found: BallArray, place: int, image: object) -> None:
 def test_an_earlier_result_is_not_overwritten() -> None:
     constants = Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED)))
     model = Model(constants, BallArray(np.full(2, 30.4)))
-    first = model.orbit.coefficients(
+    first = model.midpoint_system.coefficients(
         [BallArray([0.1, 0.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     kept = [part.midpoints.copy() for part in first[2]]
-    model.orbit.coefficients(
+    model.midpoint_system.coefficients(
         [BallArray([1.1, 1.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     assert all((a == b.midpoints).all() for a, b in zip(kept, first[2], strict=True))

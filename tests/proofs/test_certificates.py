@@ -83,7 +83,7 @@ def flights(content: Any) -> list[Names]:
 
 
 KNOWN: dict[Any, Any] = {}
-LAW_MODEL, COEFFICIENTS = sliding.law_model, System.coefficients
+LAW_MODEL, COEFFICIENTS = sliding.model_for_friction, System.coefficients
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def remembered() -> Iterator[None]:
         return [list(column) for column in KNOWN[key]]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(krawczyk, "law_model", model)
+        patch.setattr(krawczyk, "model_for_friction", model)
         patch.setattr(System, "coefficients", coefficients)
         yield
     KNOWN.clear()

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
-from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.cycle_proof import (
     ROTATING_SECTION,
@@ -64,7 +64,7 @@ FLIGHTS = pytest.mark.parametrize(
 
 
 def model(disk=PRINTED, omega=OMEGA) -> Model:
-    return model_of(disk, ball(omega))
+    return model_for_disk(disk, ball(omega))
 
 
 def box(relative: str) -> tuple[list, list]:
@@ -77,10 +77,10 @@ def numbers_of(flight: Any) -> list[Any]:
     return [
         flight.time,
         *flight.image,
-        *flight.matrix[0],
-        *flight.matrix[1],
-        *flight.by_omega,
-        *flight.time_by_state,
+        *flight.image_by_start[0],
+        *flight.image_by_start[1],
+        *flight.image_by_omega,
+        *flight.time_by_start,
         flight.time_by_omega,
     ]
 
@@ -191,9 +191,9 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
             derivatives=True,
         )
         here = flight(model(disk), *middle[:2])
-        columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
+        columns = [*zip(*whole.image_by_start, strict=True), whole.image_by_omega]
         for k, (column, time_by) in enumerate(
-            zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)
+            zip(columns, (*whole.time_by_start, whole.time_by_omega), strict=True)
         ):
             moved = [x + (step if j == k else 0) for j, x in enumerate(middle)]
             ahead = flight(model(disk, moved[2]), *moved[:2])
@@ -286,6 +286,6 @@ def test_flights_that_do_not_return(flight, first, v, status) -> None:
 
 def test_a_flight_gives_up_after_the_longest_time() -> None:
     with working_precision(64):
-        short = half_flight(model(), *map(ball, GUESS), longest=0.05)
+        short = half_flight(model(), *map(ball, GUESS), max_duration=0.05)
         assert short.status is FlowStatus.NO_RETURN
-        assert positive(short.reached - ball("0.05"))
+        assert positive(short.time_reached - ball("0.05"))

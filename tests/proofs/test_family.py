@@ -23,15 +23,15 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
-from tippedisk_verify.proofs.kernel import field as equations
+from tippedisk_verify.proofs.kernel import vector_field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
 from tippedisk_verify.proofs.kernel.certificates import check
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
-from tippedisk_verify.proofs.kernel.half_map_of_curves import fly
+from tippedisk_verify.proofs.kernel.half_map_of_curves import enclose_half_map
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
-from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.search import arc_evidence
 from tippedisk_verify.proofs.search import family_intervals as search
 from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_piece
@@ -77,14 +77,14 @@ def test_the_scaled_sine_and_its_derivative(q) -> None:
         for mine, jet, theirs in zip(found, wide, expected, strict=True):
             assert mine.overlaps(theirs)
             assert mine.rad() < 2.0**-50  # 64 bits, of which the series and the quotient lose some
-            assert polynomial(jet.coefficients, (ball(q) - ball("0.4")) / ball("0.4")).overlaps(
-                theirs
-            )
+            assert evaluate_polynomial(
+                jet.coefficients, (ball(q) - ball("0.4")) / ball("0.4")
+            ).overlaps(theirs)
 
 
 def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
     with working_precision(64):
-        constants, omega = equations.constants(DISK), ball("30.4")
+        constants, omega = equations.field_constants(DISK), ball("30.4")
         start = [ball(part) for part in ("0.3", "0.9", "-1.2")]
         matrix = linearization(constants, omega, INVERTED)
         for mine, row in zip(
@@ -94,7 +94,7 @@ def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
 
 
 def test_what_is_not_odd_is_refused(monkeypatch) -> None:
-    usual = equations.field
+    usual = equations.vector_field
 
     def crooked(*arguments: Any) -> Any:
         rates = usual(*arguments)
@@ -103,9 +103,9 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
             rates(*state)[2] + rates(*state)[0] * rates(*state)[0],
         )
 
-    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.field", crooked)
+    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.vector_field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
-        ScaledModel(equations.constants(DISK), ball(30), arb(0))
+        ScaledModel(equations.field_constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
     with pytest.raises(Unproved, match="less than 1"):
         ScaledCurve(one, -one, one, [arb(0)] * 3, one)
@@ -117,30 +117,32 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
     """
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
-        constants = equations.constants(DISK)
+        constants = equations.field_constants(DISK)
         truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
         curve = ScaledCurve(
             Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
         )
-        found = fly(constants, curve, CurveStepSearch())
+        found = enclose_half_map(constants, curve, CurveStepSearch())
         image, matrix = (
             [jet.coefficients[0] for jet in found.image],
-            [[jet.coefficients[0] for jet in row] for row in found.matrix],
+            [[jet.coefficients[0] for jet in row] for row in found.image_by_start],
         )
-        assert found.own_time.coefficients[0].overlaps(truth.time)
+        assert found.curve_time.coefficients[0].overlaps(truth.time)
         assert found.divergence.coefficients[0].overlaps(truth.divergence)
         for k in range(2):
             assert (a * image[k]).overlaps(truth.image[k])
-            assert matrix[k][1].overlaps(truth.matrix[k][1])
-            assert (a * matrix[k][2]).overlaps(truth.by_omega[k])
-            by_q = (truth.matrix[k][0] + w * truth.matrix[k][1] - image[k]) / (2 * a * a)
+            assert matrix[k][1].overlaps(truth.image_by_start[k][1])
+            assert (a * matrix[k][2]).overlaps(truth.image_by_omega[k])
+            by_q = (truth.image_by_start[k][0] + w * truth.image_by_start[k][1] - image[k]) / (
+                2 * a * a
+            )
             assert matrix[k][0].overlaps(by_q)
             # Balls of 64 bits whose radii a flight multiplies by some thousands, and 1 / (2 q) by
             # 6.
             assert matrix[k][0].rad() < 1e-6
         # The formula is for a fixed point, whose image begins with 1.
-        trace = curve.trace(found.matrix).coefficients[0] + image[0] - 1
-        assert trace.overlaps(truth.matrix[0][0] + truth.matrix[1][1])
+        trace = curve.trace(found.image_by_start).coefficients[0] + image[0] - 1
+        assert trace.overlaps(truth.image_by_start[0][0] + truth.image_by_start[1][1])
         assert trace.rad() < 1e-5  # three of the balls above
 
 
@@ -205,7 +207,7 @@ def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) ->
                 numbers[0] / amplitude,
             )
         off = [
-            x - polynomial([ball(part) for part in row], s)
+            x - evaluate_polynomial([ball(part) for part in row], s)
             for x, row in zip(numbers, piece.curve, strict=True)
         ]
         return all(
@@ -303,7 +305,7 @@ def test_what_is_covered() -> None:
         assert word in entries["statement"]
     holed = replace(proof, pieces=(piece(), replace(ASSUMED, low=ASSUMED.low + Fraction(1, 1000))))
     assert holed.statement.startswith("nothing is proved")
-    nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.RISING)
+    nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.SPEED_GROWS)
     assert (
         nothing.statement
         == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."

@@ -214,13 +214,13 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     class Test:
         included, within = True, (ball("1e-3"), ball("2e-3"))
 
-    def box_test(
+    def spied_test(
         disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], step_proposer: Any
     ) -> Any:
         said.append([float(radius) for radius in radii])
         return Test()
 
-    monkeypatch.setattr(module, "box_test", box_test)
+    monkeypatch.setattr(module, "test_arc_box", spied_test)
     monkeypatch.setattr(module, "first_unproved_sign", lambda arc: said.append("signs"))
     narrow, wide = {"radii": ["0.01", "0.02"], "steps": []}, {"radii": ["0.1", "0.2"], "steps": []}
     piece = verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
@@ -304,7 +304,7 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         spoil(arc)
         with pytest.raises((certificates.Unproved, certificates.NotACertificate), match=said):
             verify_piece((DISK, Fraction("0.1"), 2, arc))
-    assert first(SUBCRITICAL) is module.ArcStatus.RISING
+    assert first(SUBCRITICAL) is module.ArcStatus.SPEED_GROWS
     for other in (SUBCRITICAL, CALIBRATED):
         with pytest.raises(certificates.Unproved, match="arc 2"):
             verify_piece(

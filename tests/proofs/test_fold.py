@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.shooting import shoot_limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
-from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of
 from tippedisk_verify.proofs.search.fold_proof import (
     LIBRATING_SECTION,
@@ -42,7 +42,7 @@ HALF_LENGTH = Fraction(1, 10**11)  # of the arc, for 12 digits
 def held(proof: FoldProof, fold: Fold, digits: int) -> None:
     """The proof holds Newton's fold, and what it prints is what was tested."""
     assert proof.proved, proof.statement
-    arc, v = (proof.values[name] for name in UNKNOWNS[proof.section])
+    arc, v = (proof.values[name] for name in COORDINATE_NAMES[proof.section])
     assert all(number.contains(getattr(fold, name)) for name, number in proof.values.items())
     assert proof.values["omega"].uncertainty < proof.values["omega"].value / 10**digits
     # The arc is a hypothesis: its decimals say it exactly. The curve stays inside the intervals

@@ -20,7 +20,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_bits,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.field import UNITS
+from tippedisk_verify.proofs.kernel.vector_field import UNITS
 
 __all__ = [
     "DISK_SHAPE",

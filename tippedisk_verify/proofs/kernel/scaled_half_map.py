@@ -7,7 +7,7 @@ In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write
 with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
 At q = 0 they are those of the linearisation.
 
-The equations are those of `field`: a `_ScaledNumber` stands for a number a x (odd) or x (even). The
+The equations are those of `vector_field`: a `_ScaledNumber` stands for a number a x (odd) or x (even). The
 sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A
 product of two odd numbers is even, with a factor q. A sum of an odd and an even number is refused,
 and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a takes
@@ -51,12 +51,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
-from tippedisk_verify.proofs.kernel.field import FieldConstants, field
 from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Node
+from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, vector_field
 
 __all__ = ["ScaledCurve", "ScaledModel"]
 
@@ -111,7 +111,7 @@ class _ScaledNumber:
 
 class _ScaledOps:
     """The sine and cosine of a `_ScaledNumber` that stands for an odd angle, in the form that
-    `field` needs.
+    `vector_field` needs.
     """
 
     @staticmethod
@@ -141,10 +141,10 @@ class ScaledModel(Model):
     """
 
     def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
-        super().__init__(constants, omega, scaled_field, (square,))
+        super().__init__(constants, omega, scaled_vector_field, (square,))
 
 
-def scaled_field(
+def scaled_vector_field(
     ops: Any, constants: FieldConstants, omega: Any, square: Any
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the vector field of the scaled motion: a function from (b, g, w) to (b', g', w').
@@ -162,7 +162,7 @@ def scaled_field(
 
     def rates(*state: Any) -> tuple[Any, Any, Any]:
         odd = (_ScaledNumber(part, square, odd=True) for part in state)
-        b, g, w = field(_ScaledOps, even, _ScaledNumber(omega, square))(*odd)
+        b, g, w = vector_field(_ScaledOps, even, _ScaledNumber(omega, square))(*odd)
         if not (b.odd and g.odd and w.odd):
             raise ArithmeticError("a rate is not odd")
         return b.x, g.x, w.x
@@ -179,17 +179,17 @@ class ScaledCurve(Curve):
     otherwise.
     """
 
-    unit = ((0, 0, 0), (0, 1, 0))
-    columns = (2, 0)
-    equations = ScaledModel
+    start_derivative = ((0, 0, 0), (0, 1, 0))
+    parameter_columns = (2, 0)
+    model_class = ScaledModel
 
     @property
     def start(self) -> tuple[Jet, Jet]:
         return 1 + 0 * self.v.mid(), self.v
 
     @property
-    def numbers(self) -> tuple[Jet, ...]:
-        return (*super().numbers, self.gamma_bar)
+    def equation_parameters(self) -> tuple[Jet, ...]:
+        return (*super().equation_parameters, self.gamma_bar)
 
     def trace(self, matrix: Matrix) -> Jet:
         degree = matrix[0][0].degree

@@ -20,14 +20,13 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, w
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     Piece,
-    box_test,
     exact_magnitude_bound,
     first_unproved_sign,
+    test_arc_box,
 )
-from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
-    ORDERS,
-    UNKNOWNS,
+    SERIES_ORDERS,
+    UNKNOWN_INDICES,
     Arc,
     Curve,
     CurvePath,
@@ -35,7 +34,8 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_order_2
-from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial, evaluate_polynomial
+from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, field_constants
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.search.proof import SearchStopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
@@ -85,21 +85,21 @@ class CurveStepSearch:
         self.log: list[dict[str, Any]] = []
         self._done, self._share = 0.0, _FIRST_SHARE
 
-    def step(self, path: CurvePath, longest: Any) -> Step:
+    def next_step(self, path: CurvePath, max_length: Any) -> Step:
         """Return a step of the path with small remainders.
 
-        The orbits return to the section well inside this step, or well after it. ``longest`` is not
+        The orbits return to the section well inside this step, or well after it. ``max_length`` is not
         used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = Trial(path, ORDERS)
+        trial = StepTrial(path, SERIES_ORDERS)
         for _ in range(_MAX_TRIALS):
             text = self._next()
             share = float(text)
-            step = trial.tested((path.total * share).mid())
+            step = trial.tested_step((path.duration * share).mid())
             excess = max(
-                _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
-                _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),
+                _excess(step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE),
+                _excess(step.polynomials, step, SERIES_ORDERS[0] + 1, _TOLERANCE),
             )
             # The longest acceptable length, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
@@ -120,10 +120,10 @@ class CurveStepSearch:
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
-    def step_taken(self, step: Step, axes: Matrix | None) -> None:
+    def record_step(self, step: Step, axes: Matrix | None) -> None:
         """Do nothing: `step` has recorded the step."""
 
-    def axes(self, moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+    def new_axes(self, moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
         """Return new axes for the box of a set of states, by `axes_of_balls`, rounded to four
         digits.
 
@@ -154,23 +154,23 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
 
     It computes with midpoints, without the deviations about the curve, and proves nothing.
     """
-    orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
-    total = curve.total
+    orbit = curve.model_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
+    total = curve.duration
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
     for _ in range(_MAX_STEPS):
-        series = orbit.coefficients(state, ORDERS[0])
+        series = orbit.coefficients(state, SERIES_ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
         reach = min(_MAX_SHARE, _reach(series) / float(total.coefficients[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
         state, time, done = (
-            [polynomial(part, length).mid() for part in series],
+            [evaluate_polynomial(part, length).mid() for part in series],
             time + length,
             done + reach,
         )
     tau = _moment(series, 0 * total)
-    return [-polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
+    return [-evaluate_polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
 
 
 def _reach(series: Sequence[Sequence[Jet]]) -> float:
@@ -180,7 +180,7 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
     sizes = [
         (float(part[n].coefficients[0].abs_upper()), n)
         for part in series
-        for n in (ORDERS[0] - 1, ORDERS[0])
+        for n in (SERIES_ORDERS[0] - 1, SERIES_ORDERS[0])
     ]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
@@ -196,7 +196,7 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
     beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
     tau = guess.mid()
     for _ in range(_NEWTON_STEPS):
-        tau = (tau - polynomial(beta, tau) / polynomial(v, tau)).mid()
+        tau = (tau - evaluate_polynomial(beta, tau) / evaluate_polynomial(v, tau)).mid()
     return tau
 
 
@@ -217,7 +217,7 @@ def family_polynomials(
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
-    columns = (_slope(constants, kind, point, total, k) for k in UNKNOWNS)
+    columns = (_slope(constants, kind, point, total, k) for k in UNKNOWN_INDICES)
     chord = inverse_of_order_2(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
     half = Jet([total])
@@ -235,7 +235,7 @@ def family_polynomials(
             after.coefficients[k] - before.coefficients[k]
             for after, before in zip(image, curve.start, strict=True)
         ]
-        for row, index in zip(chord, UNKNOWNS, strict=True):
+        for row, index in zip(chord, UNKNOWN_INDICES, strict=True):
             polynomials[index][k] = (
                 polynomials[index][k] - row[0] * value[0] - row[1] * value[1]
             ).mid()
@@ -252,7 +252,7 @@ def family_rows(
     Raises Stopped if they are not finite.
     """
     polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
-    jets = [*(polynomials[k] for k in UNKNOWNS), half]
+    jets = [*(polynomials[k] for k in UNKNOWN_INDICES), half]
     if not all(entry.is_finite() for jet in jets for entry in jet.coefficients):
         raise SearchStopped(ArcStatus.NOT_FOLLOWED)
     return [
@@ -278,7 +278,7 @@ def _slope(
     )
     return [
         (part.coefficients[1] / _DIFFERENCE_SHARE).mid() - own[moving]
-        for part, own in zip(image, kind.unit, strict=True)
+        for part, own in zip(image, kind.start_derivative, strict=True)
     ]
 
 
@@ -345,14 +345,14 @@ def prove_piece(
         kind = Curve if low else ScaledCurve
         try:
             first, second, half_period = family_rows(
-                constants(disk), start, ball(length), half, kind
+                field_constants(disk), start, ball(length), half, kind
             )
             arc: dict[str, Any] = {
                 "end": exact_text(high),
                 "curve": [[*map(exact_text, row)] for row in (first, second)],
                 "half": [*map(exact_text, half_period)],
             }
-            test: Test = lambda radii, proposer: box_test(disk, low, arc, radii, proposer)  # noqa: E731
+            test: Test = lambda radii, proposer: test_arc_box(disk, low, arc, radii, proposer)  # noqa: E731
             radii = [
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]

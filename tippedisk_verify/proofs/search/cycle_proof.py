@@ -24,16 +24,16 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
-    return_map,
+    enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
@@ -107,7 +107,7 @@ class CycleProof(Proof):
         which the cycle is unique.
         """
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
-        distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
+        distances = zip(cycle.COORDINATE_NAMES[self.section], self.unique_within, strict=True)
         room = {name: _two_digits_below(distance) for name, distance in distances}
         sliding = {"reversals": self.reversals} if self.parameters.law.two_sided else {}
         return certificate_claim(
@@ -231,7 +231,7 @@ class CycleAttempt:
             with working_precision(self.bits):
                 at, drift = cycle.place(self.setting, middle)
                 fixed, evidence = self.tested(at, drift, self.box_bits)
-                if isinstance(fixed, SectionReturn):
+                if isinstance(fixed, PoincareImage):
                     ended, more = _not_followed(fixed), 64
                 elif not fixed.included:
                     ended, more = (
@@ -259,7 +259,9 @@ class CycleAttempt:
                         lacking + 4,
                     )
                     self.box_bits += more
-                if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
+                if isinstance(fixed, KrawczykResult) and all(
+                    part.is_finite() for part in fixed.image
+                ):
                     middle = [part.mid() for part in fixed.image[:2]]
             if self.bits + more > self.most_bits:
                 raise ended
@@ -271,8 +273,8 @@ class CycleAttempt:
         middle: Sequence[Any],
         drift: Any,
         size: int,
-        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
-    ) -> tuple[FixedPoints | SectionReturn, dict[str, Any]]:
+        centre: tuple[FlightStepSearch, PoincareImage] | None = None,
+    ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
         Args:
@@ -301,8 +303,8 @@ class CycleAttempt:
         correct, gain = 0, 0
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = return_map(
-                    model_of(self.parameters, ball(self.omega)),
+                flight = enclose_poincare_map(
+                    model_for_disk(self.parameters, ball(self.omega)),
                     self.section,
                     state,
                     FlightStepSearch(),
@@ -311,7 +313,7 @@ class CycleAttempt:
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)
                 if matrix is None:
-                    (a, b), (c, d) = flight.matrix
+                    (a, b), (c, d) = flight.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = matrix_times_vector(
@@ -343,7 +345,7 @@ class CycleAttempt:
         )
 
     def neighbourhood(
-        self, proof: CycleProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
+        self, proof: CycleProof, fixed: KrawczykResult, drift: Any, evidence: dict[str, Any]
     ) -> CycleProof:
         """Return the proof of a cycle, completed by its evidence and a distance to any other cycle.
 
@@ -357,20 +359,21 @@ class CycleAttempt:
                 remote, wide = self.tested(
                     fixed.middle, drift, size, (evidence["centre"], fixed.centre)
                 )
-                if isinstance(remote, FixedPoints) and remote.included:
+                if isinstance(remote, KrawczykResult) and remote.included:
                     evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
 
 
-def _not_followed(flight: SectionReturn) -> SearchStopped:
+def _not_followed(flight: PoincareImage) -> SearchStopped:
     return SearchStopped(
-        CycleStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
+        CycleStatus.NOT_FOLLOWED,
+        f"at t = {float(flight.time_reached):.4g} s: {flight.status.value}",
     )
 
 
-def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
+def _shortage(fixed: KrawczykResult, evidence: Mapping[str, Any]) -> int:
     """Return the number of extra bits, at least 16, with which the next test of a box should
     compute.
 

@@ -51,7 +51,7 @@ _LONGEST, _SHARE = (
 )  # length of an interval [rad], and relative to the distance of pi from its beginning
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
-_FINAL_FAILURES = (ArcStatus.RISING, ArcStatus.UNSTABLE)
+_FINAL_FAILURES = (ArcStatus.SPEED_GROWS, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
 _INTERVAL_LENGTHS = (
     "0.008",

@@ -26,13 +26,13 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
-    return_map,
+    enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
@@ -154,7 +154,7 @@ class _FoldAttempt:
         whole = self.whole(p, length)
         sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
         points = [
-            self.at_end(name, end, whole, sizes)
+            self.states_at_end(name, end, whole, sizes)
             for name, end in zip(fold.POINTS[1:], ends, strict=True)
         ]
         extremum = fold.extremum(*map(fold.slope, points))
@@ -176,7 +176,7 @@ class _FoldAttempt:
         )
         return extremum, values
 
-    def whole(self, arc: Any, length: Any) -> FixedPoints:
+    def whole(self, arc: Any, length: Any) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycles of all points of the arc, and return the passed
         test.
 
@@ -198,13 +198,15 @@ class _FoldAttempt:
             )
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
-    def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
+    def states_at_end(
+        self, name: str, end: Any, whole: KrawczykResult, sizes: Sequence[Any]
+    ) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycle at an end of the arc, and return the passed
         test.
 
         Chord steps first approximate that cycle.
         """
-        (f, *first), (g, *second) = whole.slopes
+        (f, *first), (g, *second) = whole.jacobian
         inverse, p = midpoint_inverse((first, second)), end.mid()
         along, distance = (
             matrix_times_vector(inverse, (f, g)),
@@ -216,7 +218,7 @@ class _FoldAttempt:
         ]
         for _ in range(_CHORDS):
             search, start = FlightStepSearch(), (p, m[0])
-            flight = return_map(
+            flight = enclose_poincare_map(
                 Model(ball_constants(self.parameters), m[1]), self.section, start, search
             )
             if flight.status is not FlowStatus.RETURNED:
@@ -241,8 +243,8 @@ class _FoldAttempt:
         p: Any,
         m: Sequence[Any],
         sizes: Sequence[Any],
-        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
-    ) -> FixedPoints:
+        centre: tuple[FlightStepSearch, PoincareImage] | None = None,
+    ) -> KrawczykResult:
         """Apply Krawczyk's test to a limit cycle in a box about a point, and store the
         evidence.
         """
@@ -250,13 +252,13 @@ class _FoldAttempt:
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
         )
-        if isinstance(fixed, SectionReturn):
+        if isinstance(fixed, PoincareImage):
             raise _not_followed(fixed)
         return fixed
 
 
-def _not_followed(flight: SectionReturn) -> Unproved:
+def _not_followed(flight: PoincareImage) -> Unproved:
     return Unproved(
-        f"on the arc, the orbit could not be followed beyond t = {float(flight.reached):.4g} s: "
+        f"on the arc, the orbit could not be followed beyond t = {float(flight.time_reached):.4g} s: "
         f"{flight.status.value}"
     )

@@ -28,7 +28,7 @@ from tippedisk_verify.proofs.kernel.certificates import (
     family,
     fold,
 )
-from tippedisk_verify.proofs.kernel.field import UNITS
+from tippedisk_verify.proofs.kernel.vector_field import UNITS
 
 __all__ = [
     "CERTIFICATE_FORMAT",

@@ -148,11 +148,13 @@ def verify_connection(
             raise Unproved("6.2: the flight between the saddles could not be enclosed")
         branch_boxes += _boxes_along_step(step)
         never_flat = never_flat and _is_never_flat(step.enclosure[0])
-        path.take(step)
-        z = saddle.enclosed_coordinates(path.frame)
+        path.take_step(step)
+        z = saddle.enclosed_coordinates(path.state_set)
         if evidence_source("arrived", path, z, arriving):
             break
-    G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
+    G = saddle.coordinates(
+        [sum(row[k] * x for k, x in enumerate(change)) for row in path.derivatives]
+    )
     extents = evidence_source("block", z, arriving)
     delta, box, matrix = show_isolating_block(arriving, extents)
     w_u, w_f = arriving.straightened(z)
@@ -163,7 +165,7 @@ def verify_connection(
     # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
     ends = [
-        saddle.enclosed_coordinates(path.frame, [*path.frame.deviation[:3], shift])
+        saddle.enclosed_coordinates(path.state_set, [*path.state_set.deviation[:3], shift])
         for shift in shifts
     ]
     first, last = (arriving.straightened(end)[0] for end in ends)
@@ -257,7 +259,9 @@ def _boxes_along_step(step: Step) -> list[Any]:
     flight during its part.
     """
     share = arb(step.length) / (2 * _BOXES_PER_STEP)
-    return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_BOXES_PER_STEP)]
+    return [
+        step.states_at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_BOXES_PER_STEP)
+    ]
 
 
 def arrival_box_contains_branch(

@@ -38,20 +38,20 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 from tippedisk_verify.proofs.kernel.krawczyk import (
     BOX_SHAPE,
     FLIGHT_SHAPE,
-    FixedPoints,
+    KrawczykResult,
     replayed_test,
 )
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
 )
 
 __all__ = [
+    "COORDINATE_NAMES",
     "KINDS",
     "SHAPES",
-    "UNKNOWNS",
     "claimed_names",
     "cycle_numbers",
     "main_numbers",
@@ -65,7 +65,10 @@ __all__ = [
 
 KINDS = {"limit cycle": LIBRATING_SECTION, "rotating limit cycle": ROTATING_SECTION}
 #: the names of a section's coordinates
-UNKNOWNS = {LIBRATING_SECTION: ("gamma_bar_0", "v_0"), ROTATING_SECTION: ("beta_bar_top", "v_top")}
+COORDINATE_NAMES = {
+    LIBRATING_SECTION: ("gamma_bar_0", "v_0"),
+    ROTATING_SECTION: ("beta_bar_top", "v_top"),
+}
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
@@ -74,13 +77,17 @@ def claimed_names(section: PoincareSection) -> tuple[str, ...]:
     ``section`` tells if the cycle is librating or rotating. The names of `main_numbers`, which have
     the requested digits, come first.
     """
-    slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
+    slopes = (f"d{name}_domega" for name in COORDINATE_NAMES[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
     return *main_numbers(section), *others, *slopes
 
 
 def main_numbers(section: PoincareSection) -> tuple[str, ...]:
-    return "period", *UNKNOWNS[section], *(["beta_max"] if section == LIBRATING_SECTION else [])
+    return (
+        "period",
+        *COORDINATE_NAMES[section],
+        *(["beta_max"] if section == LIBRATING_SECTION else []),
+    )
 
 
 def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
@@ -98,7 +105,7 @@ def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], A
     return [*middle, speed.mid()], speed - speed.mid()
 
 
-def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
+def cycle_numbers(section: PoincareSection, fixed: KrawczykResult) -> dict[str, Any]:
     """Return enclosures of a limit cycle's numbers by name: period, multipliers, derivatives, ...
 
     The names are `claimed_names`.
@@ -108,24 +115,24 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         fixed: The enclosed fixed point, with the map's derivatives.
     """
     centre, box, flights = fixed.centre, fixed.box, section.flights_per_period
-    (a, b), (c, d) = box.matrix
+    (a, b), (c, d) = box.image_by_start
     trace, shrinking = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
     # nothing.
-    larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
+    larger = (abs(trace) + (trace * trace - 4 * section.symmetry_sign * shrinking).sqrt()) / 2
     sign: Any = 1
     if section != LIBRATING_SECTION and not positive(trace):
         sign = -1 if negative(trace) else arb.nan()
     slow, determinant = flights * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
-        ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
-        ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
+        ((1 - d) * box.image_by_omega[0] + b * box.image_by_omega[1]) / determinant,
+        ((1 - a) * box.image_by_omega[1] + c * box.image_by_omega[0]) / determinant,
         1,
     ]
-    time_by = (*box.time_by_state, box.time_by_omega)
-    first, second = UNKNOWNS[section]
+    time_by = (*box.time_by_start, box.time_by_omega)
+    first, second = COORDINATE_NAMES[section]
     numbers = {
-        "period": flights * fixed.along(centre.time, time_by),
+        "period": flights * fixed.mean_value_form(centre.time, time_by),
         first: fixed.image[0],
         second: fixed.image[1],
         "multiplier_slow": sign * larger**flights,
@@ -136,7 +143,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         f"d{second}_domega": by_omega[1],
     }
     return numbers | (
-        {"beta_max": -fixed.along(centre.beta_least, box.beta_least_by_start)}
+        {"beta_max": -fixed.mean_value_form(centre.beta_least, box.beta_least_by_start)}
         if section == LIBRATING_SECTION
         else {}
     )
@@ -154,7 +161,7 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
     return False if positive(slow) else None
 
 
-def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
+def uniqueness_radii(fixed: KrawczykResult, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return two balls: the distances from an enclosed fixed point to the faces of a tested box.
 
     No other fixed point is nearer than these distances. ``radii`` are those of the box, for the two
@@ -167,7 +174,7 @@ def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any
     return first, second
 
 
-def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
+def reversals(section: PoincareSection, fixed: KrawczykResult) -> int:
     """Return the number of sign changes of the sliding velocity in a period of a limit cycle
     (smooth law only).
     """
@@ -180,7 +187,7 @@ SHAPES = {
             "omega": decimal,
             "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "stable": one_of(True, False, None),
-            "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
+            "unique_within": dict.fromkeys(COORDINATE_NAMES[section], decimal),
             "reversals?": count,
         },
         {
@@ -207,7 +214,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     section = KINDS[claim["kind"]]
     middle, drift = place(claim, evidence["middle"])
 
-    def test(name: str, centre: SectionReturn | None = None) -> FixedPoints:
+    def test(name: str, centre: PoincareImage | None = None) -> KrawczykResult:
         box, log = evidence[name], evidence["centre"]
         return replayed_test(
             claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre
@@ -227,7 +234,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         widest = evidence["wide box"]["radii"]
         with working_precision(evidence["wide box"]["bits"]):
             test("wide box", fixed.centre)
-    for name, room in zip(UNKNOWNS[section], uniqueness_radii(fixed, widest), strict=True):
+    for name, room in zip(COORDINATE_NAMES[section], uniqueness_radii(fixed, widest), strict=True):
         least = ball(claim["unique_within"][name])
         require(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
 
@@ -242,7 +249,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
     section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
-    first, second = UNKNOWNS[section]
+    first, second = COORDINATE_NAMES[section]
     sliding = ""
     if FRICTION_LAWS[claim["friction"]].two_sided:
         changes = (

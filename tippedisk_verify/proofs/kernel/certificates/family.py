@@ -44,10 +44,15 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     require_within_claim,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
-from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.half_map_of_curves import Arc, Curve, CurveReplay, arc_test
+from tippedisk_verify.proofs.kernel.half_map_of_curves import (
+    Arc,
+    Curve,
+    CurveReplay,
+    krawczyk_test_of_arc,
+)
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
+from tippedisk_verify.proofs.kernel.vector_field import field_constants
 
 __all__ = [
     "KINDS",
@@ -58,13 +63,13 @@ __all__ = [
     "Mapped",
     "Piece",
     "are_joined",
-    "box_test",
     "curve_fault",
     "enclosed_omega_crit",
     "exact_magnitude_bound",
     "first_unproved_sign",
     "last_cycle",
     "sentence",
+    "test_arc_box",
     "unique_within",
     "verify",
     "verify_piece",
@@ -102,13 +107,13 @@ class ArcStatus(Enum):
         "the orbits of all these amplitudes could not be followed from section to section"
     )
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
-    RISING = "Omega grows with the amplitude"
+    SPEED_GROWS = "Omega grows with the amplitude"
     UNSTABLE = "the limit cycles are unstable"
     NOT_JOINED = "it is not proved that two pieces of the family are one curve"
-    NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
+    SPEED_NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
     NOT_STABLE = "it is not proved that the limit cycles are asymptotically stable"
-    NOT_SLOWING = "it is not proved that the period grows with the amplitude"
-    NOT_WIDENING = "it is not proved that beta_max grows with the amplitude"
+    PERIOD_NOT_GROWING = "it is not proved that the period grows with the amplitude"
+    BETA_MAX_NOT_GROWING = "it is not proved that beta_max grows with the amplitude"
 
 
 @dataclass(frozen=True)
@@ -160,7 +165,7 @@ class Piece:
         return middle - self.within[1], middle + self.within[1]
 
 
-def polynomial(texts: Sequence[str]) -> Jet:
+def polynomial_jet(texts: Sequence[str]) -> Jet:
     """Return the polynomial with these coefficients (decimals, lowest power first) as a jet."""
     return Jet([ball(Fraction(text)) for text in texts])
 
@@ -171,7 +176,7 @@ def exact_magnitude_bound(x: Any) -> Fraction:
     return abs(middle) + radius
 
 
-def box_test(
+def test_arc_box(
     disk: Mapping[str, str],
     low: Fraction,
     arc: Mapping[str, Any],
@@ -198,7 +203,7 @@ def box_test(
     high = Fraction(arc["end"])
     require(0 <= low < high, "its end is not above its beginning")
     begin, end = (low, high) if low else (low, high**2)
-    first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
+    first, second, half = map(polynomial_jet, (*arc["curve"], arc["half"]))
     require(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
     require(min(radii) > 0, "a box is empty: a radius is not positive")
     parameter = Jet(
@@ -206,7 +211,7 @@ def box_test(
     )
     deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
     curve = (Curve if low else ScaledCurve)(parameter, first, second, deviation, half.mid())
-    return arc_test(constants(disk), curve, proposer)
+    return krawczyk_test_of_arc(field_constants(disk), curve, proposer)
 
 
 def first_unproved_sign(arc: Arc) -> ArcStatus | None:
@@ -216,14 +221,14 @@ def first_unproved_sign(arc: Arc) -> ArcStatus | None:
     The properties are, in this order: Omega falls, the cycles are stable, the period grows and
     beta_max grows.
     """
-    falling, stable = arc.falling(), arc.stable()
+    falling, stable = arc.speed_falls(), arc.stable()
     if not falling:
-        return ArcStatus.NOT_FALLING if falling is None else ArcStatus.RISING
+        return ArcStatus.SPEED_NOT_FALLING if falling is None else ArcStatus.SPEED_GROWS
     if not stable:
         return ArcStatus.NOT_STABLE if stable is None else ArcStatus.UNSTABLE
-    if not arc.slowing():
-        return ArcStatus.NOT_SLOWING
-    return None if arc.widening() else ArcStatus.NOT_WIDENING
+    if not arc.period_grows():
+        return ArcStatus.PERIOD_NOT_GROWING
+    return None if arc.beta_max_grows() else ArcStatus.BETA_MAX_NOT_GROWING
 
 
 def verify_piece(job: Job) -> Piece:
@@ -242,7 +247,7 @@ def verify_piece(job: Job) -> Piece:
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
-                tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
+                tests.append(test_arc_box(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
                 require(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else first_unproved_sign(tests[0])
                 require(refusal is None, refusal.value if refusal else "")
@@ -298,7 +303,7 @@ def enclosed_omega_crit(disk: Mapping[str, str]) -> Any:
     """Return a ball that holds the critical speed Omega_crit [rad/s] of a disk, given its exact
     numbers.
     """
-    c = constants(disk)
+    c = field_constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 

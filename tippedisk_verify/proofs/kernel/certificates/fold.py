@@ -19,11 +19,11 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     one_of,
     require_within_claim,
 )
-from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.krawczyk import (
     BOX_SHAPE,
     FLIGHT_SHAPE,
-    FixedPoints,
+    KrawczykResult,
     replayed_test,
 )
 from tippedisk_verify.proofs.kernel.poincare_map import (
@@ -54,7 +54,7 @@ EXTREMA = ("smallest", "largest")
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
-    return "omega", *UNKNOWNS[section], "period"
+    return "omega", *COORDINATE_NAMES[section], "period"
 
 
 def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
@@ -66,12 +66,12 @@ def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
     return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
 
 
-def slope(fixed: FixedPoints) -> Any:
+def slope(fixed: KrawczykResult) -> Any:
     """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
     p is the first coordinate on the section, and Omega the speed of the cycle through it.
     """
-    (f, a, b), (g, c, d) = fixed.slopes
+    (f, a, b), (g, c, d) = fixed.jacobian
     return (c * f - a * g) / (a * d - b * c)
 
 
@@ -89,7 +89,7 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
 def require_extremum(
     claim: Mapping[str, Any],
     section: PoincareSection,
-    points: Sequence[FixedPoints],
+    points: Sequence[KrawczykResult],
     radii: Sequence[Any],
 ) -> None:
     """Raise Unproved unless the passed tests, on a whole arc of cycles and at its ends, prove the
@@ -117,7 +117,11 @@ def require_extremum(
         negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1"
     )
     for name, x, middle, room in zip(
-        (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
+        (COORDINATE_NAMES[section][1], "omega"),
+        whole.image[1:],
+        whole.middle[1:],
+        radii,
+        strict=True,
     ):
         require_within_claim(numbers[name], x, name)
         # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
@@ -152,9 +156,9 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
-    arc = claim["numbers"][UNKNOWNS[section][0]]
+    arc = claim["numbers"][COORDINATE_NAMES[section][0]]
     place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
-    require(half > 0, f"claim: {UNKNOWNS[section][0]} is not an interval")
+    require(half > 0, f"claim: {COORDINATE_NAMES[section][0]} is not an interval")
     points = []
     for name, p in zip(POINTS, arc_balls(place, half), strict=True):
         point = evidence[name]
@@ -174,7 +178,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
     section, n = KINDS[claim["kind"]], numbers
-    first, second = UNKNOWNS[section]
+    first, second = COORDINATE_NAMES[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
     if section == LIBRATING_SECTION:
         cycles = (

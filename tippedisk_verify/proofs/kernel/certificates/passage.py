@@ -117,7 +117,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
 )
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.step import Step, Trial
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 
 __all__ = ["Passage", "arrivals"]
 
@@ -462,7 +462,7 @@ def arrivals(
     tops: list[list[Any]] = []
     passed_extreme = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = Trial(path, (_ORDER, _ORDER)).tested(BallArray(lengths))
+        step = StepTrial(path, (_ORDER, _ORDER)).tested_step(BallArray(lengths))
         _require_all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
@@ -470,15 +470,15 @@ def arrivals(
         at_extreme = _climbs(path.model, step)
         if at_extreme.any():
             half = step.length / 2
-            by = step.derivatives_at(half + half.around_zero())[0][1:]
+            by = step.path_derivatives_at(half + half.around_zero())[0][1:]
             tops.append([hull_of_ball_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
         passed_extreme |= at_extreme
         watch(number / count)
         if number == count:
             break
-        path.take(step)
+        path.take_step(step)
         z = saddle.arrived(step.enclosure)
-        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.frame)[S] + s
+        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.state_set)[S] + s
         _require_all(
             "it is not shown to be on its way",
             (-level).positive(),
@@ -498,12 +498,12 @@ class _Axes:
     The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
 
-    def axes(
+    def new_axes(
         self, moved_axes: Sequence[Sequence[Any]], sizes: Any, stiffness: Any
     ) -> list[list[Any]]:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(moved_axes)]
 
-    def step_taken(self, *_: Any) -> None:
+    def record_step(self, *_: Any) -> None:
         """Do nothing: the steps of these flights are not recorded."""
 
 
@@ -548,7 +548,7 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.enclosed_coordinates(path.carried(step, middle))[S] + s
+    level = saddle.enclosed_coordinates(path.states_after(step, middle))[S] + s
     rate = saddle.rates(saddle.arrived(step.enclosure))[S]
     for _ in range(2):
         _require_all("it is not shown to pass z_s = -s once", rate.positive())
@@ -558,11 +558,13 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
             time.positive(),
             (step.length - time).positive(),
         )
-        rate = saddle.rates(saddle.enclosed_coordinates(path.carried(step, time.union(middle))))[S]
-    frame = path.carried(step, time)
-    z = saddle.enclosed_coordinates(frame)
+        rate = saddle.rates(
+            saddle.enclosed_coordinates(path.states_after(step, time.union(middle)))
+        )[S]
+    state_set = path.states_after(step, time)
+    z = saddle.enclosed_coordinates(state_set)
     z[S] = z[S].constant(-s)
-    rates, rows = saddle.rates(z), saddle.columns(frame.matrix())
+    rates, rows = saddle.rates(z), saddle.columns(state_set.derivative_matrix())
     _require_all("it is not shown to arrive", rates[S].positive())
     by_time = [-rows[S][k] / rates[S] for k in (1, 2, 3)]
     by_u, by_f = ([rows[i][k] + rates[i] * by_time[k - 1] for k in (1, 2, 3)] for i in (U, F))

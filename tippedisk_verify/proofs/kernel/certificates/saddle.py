@@ -86,12 +86,16 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
-from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
-from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.sliding import law_model
+from tippedisk_verify.proofs.kernel.sliding import model_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
-from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
+from tippedisk_verify.proofs.kernel.vector_field import (
+    field_constants,
+    sliding_motion,
+    vector_field,
+)
 
 __all__ = [
     "FAST",
@@ -218,7 +222,7 @@ class SaddleCoordinates:
             self.inverse = self.directions.inv()
         except ZeroDivisionError:
             raise Unproved("the directions at the saddle have no inverse") from None
-        self.constants = constants(disk)
+        self.constants = field_constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
         """Convert coordinates z about the saddle to the offset y = P z in (beta_bar,
@@ -246,7 +250,7 @@ class SaddleCoordinates:
         def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
-                of_y = field(
+                of_y = vector_field(
                     _SaddleOps(ops, gamma), numbers, omega, self.friction if side is None else side
                 )
                 return self.coordinates(of_y(beta, gamma, v))
@@ -286,7 +290,7 @@ class SaddleCoordinates:
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
         sets = [
-            [series[1] for series in model.variational.coefficients(start, 1)]
+            [series[1] for series in model.variational_system.coefficients(start, 1)]
             for own, model in self._models.items()
             if own is None or side in (None, own)
         ]
@@ -318,34 +322,38 @@ class SaddleCoordinates:
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        path = law_model(self.friction, self.constants, self.omega).path(
+        path = model_for_friction(self.friction, self.constants, self.omega).path(
             start, proposer, derivatives=True
         )
-        frame = path.frame = Frame([x.mid() for x in start], self.omega)
+        state_set = path.state_set = Doubleton([x.mid() for x in start], self.omega)
         directions = self.directions.tolist()
-        frame.axes, frame.rest = directions, self.coordinates([x - x.mid() for x in start])
-        frame.lead = [
-            [*row, entries[3]] for row, entries in zip(directions, frame.lead, strict=True)
+        state_set.axes, state_set.remainder = (
+            directions,
+            self.coordinates([x - x.mid() for x in start]),
+        )
+        state_set.linear_part = [
+            [*row, entries[3]]
+            for row, entries in zip(directions, state_set.linear_part, strict=True)
         ]
-        frame.deviation = [*(x - x.mid() for x in z), frame.deviation[3]]
-        path.box = frame.box()
+        state_set.deviation = [*(x - x.mid() for x in z), state_set.deviation[3]]
+        path.box = state_set.box()
         return path
 
     def enclosed_coordinates(
-        self, frame: Frame, deviation: Sequence[Any] | None = None
+        self, state_set: Doubleton, deviation: Sequence[Any] | None = None
     ) -> list[Any]:
         """Return a box of coordinates z about the second saddle that encloses the states of a set
-        ``frame``.
+        ``state_set``.
 
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
         the start and the speed, only the states of these deviations are enclosed.
         """
-        lead, axes = map(self.columns, (frame.lead, frame.axes))
-        d = frame.deviation if deviation is None else deviation
+        lead, axes = map(self.columns, (state_set.linear_part, state_set.axes))
+        d = state_set.deviation if deviation is None else deviation
         return [
-            middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, frame.rest))
+            middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, state_set.remainder))
             for middle, by_start, by_axes in zip(
-                self.arrived(frame.middle), lead, axes, strict=True
+                self.arrived(state_set.middle), lead, axes, strict=True
             )
         ]
 
@@ -387,8 +395,8 @@ class ManifoldGraph:
         theta is a number, a ball or a series.
         """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
-            return [polynomial(row, theta) for row in self.graph]
-        values = [polynomial(row, abs(theta)) for row in self.graph]
+            return [evaluate_polynomial(row, theta) for row in self.graph]
+        values = [evaluate_polynomial(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
@@ -398,7 +406,8 @@ class ManifoldGraph:
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
-            polynomial([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
+            evaluate_polynomial([n * value for n, value in enumerate(row)][1:], theta)
+            for row in self.graph
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
@@ -436,7 +445,7 @@ class ManifoldGraph:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
-        return [polynomial(row[1:], theta) for row in self.graph]
+        return [evaluate_polynomial(row[1:], theta) for row in self.graph]
 
     def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
