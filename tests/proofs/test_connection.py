@@ -141,8 +141,10 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
                     *(reference(f"{name}/{x}").measured().value for x in ("gamma_bar_0", "v_0")),
                 ),
             )
-            assert end.meets(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
-            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).meets(speed, *cycle)
+            assert end.contains_cycle(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
+            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).contains_cycle(
+                speed, *cycle
+            )
 
 
 @pytest.mark.slow(minutes=0.5)

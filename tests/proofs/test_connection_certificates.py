@@ -192,7 +192,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     for share in (Fraction(9, 10), Fraction(1, 30)):
         cycle = shoot_limit_cycle(PRINTED, OMEGA_H + (end.high - OMEGA_H) * share, taylor)
         with working_precision(64):
-            assert end.meets(
+            assert end.contains_cycle(
                 ball(cycle.omega.value), ball(cycle.gamma_bar_0.value), ball(cycle.v_0.value)
             )
         assert float(cycle.multiplier_slow) < kappa**2  # of two half maps

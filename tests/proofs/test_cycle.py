@@ -253,7 +253,7 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
     ids=str,
 )
 def test_ends_without_a_proof(omega, guess, status) -> None:
-    proof = prove_cycle(PRINTED, omega, guess, digits=2, most_bits=64)
+    proof = prove_cycle(PRINTED, omega, guess, digits=2, max_bits=64)
     assert not proof.proved
     assert status is None or proof.status is status
     assert proof.outcome_detail

@@ -250,11 +250,11 @@ def _end(
 def test_the_other_end_closes_only_what_it_reaches() -> None:
     """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
     proof = FamilyProof(PRINTED, (piece(), ASSUMED))
-    assert not proof.end_closed
+    assert not proof.heteroclinic_closed
     low, high = proof.pieces[-1].speeds(NEXT)
-    reaches = replace(proof, end=_end(PRINTED, "30", "30.8850", "3.05"))
+    reaches = replace(proof, near_omega_h=_end(PRINTED, "30", "30.8850", "3.05"))
     assert Fraction(30) < low < high < Fraction("30.8850")
-    assert reaches.end_closed
+    assert reaches.heteroclinic_closed
     assert reaches.proved
     assert reaches.covered == 1
     for word in (
@@ -275,8 +275,8 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         _end(CALIBRATED, "30", "30.8850", "3.05"),
         _end(PRINTED, "30", "30.8850", "3.05", ConnectionCyclesStatus.INEQUALITY),
     ):
-        open_proof = replace(proof, end=end)
-        assert not open_proof.end_closed
+        open_proof = replace(proof, near_omega_h=end)
+        assert not open_proof.heteroclinic_closed
         assert open_proof.to_dict()["ends"]["heteroclinic"]["closed"] is False
         assert "a in (0, pi)" not in open_proof.statement
     assert not replace(reaches, pieces=()).proved

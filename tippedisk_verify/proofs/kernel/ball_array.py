@@ -293,8 +293,8 @@ class BallArray:
 
         Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
         Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at
-        an extremum of the sine. The error t of C is multiplied by r, so `_UNDERFLOW_ALLOWANCE` is added to its
-        bound.
+        an extremum of the sine. The error t of C is multiplied by r, so `_UNDERFLOW_ALLOWANCE` is
+        added to its bound.
         """
         n, sine, sine_error, cosine, cosine_error = sine_and_cosine(self._mid)
         j = n + quarters

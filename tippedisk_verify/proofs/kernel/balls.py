@@ -68,10 +68,10 @@ class DisturbedError(ArithmeticError):
     """
 
 
-def require(verified: object, what: str) -> None:
-    """Raise Unproved, with the message ``what``, unless ``verified`` is True."""
+def require(verified: object, message: str) -> None:
+    """Raise Unproved, with the message ``message``, unless ``verified`` is True."""
     if verified is not True:
-        raise Unproved(what)
+        raise Unproved(message)
 
 
 @contextmanager
@@ -131,7 +131,7 @@ def coefficient(series: Any, power: int) -> Any:
 
 
 class BallOps:
-    """The sine and cosine (``ops``) that `field` uses for balls and for series of balls."""
+    """The sine and cosine (``ops``) that `vector_field` uses for balls and for series of balls."""
 
     @staticmethod
     def sin(angle: Any) -> Any:
@@ -214,7 +214,8 @@ def range_of(x: Any) -> Any:
 
 
 def truncated_for_derivatives(x: Any) -> Any:
-    """Return a jet ``x`` with its degree reduced to `jets.DERIVATIVE_DEGREE`, enough for derivatives.
+    """Return a jet ``x`` with its degree reduced to `jets.DERIVATIVE_DEGREE`, enough for
+    derivatives.
 
     The result still encloses the same functions. Anything else is returned unchanged.
     """

@@ -240,7 +240,7 @@ def digest(content: dict[str, Any]) -> str:
 
 # --------------------------------------------------------------------------- common to all
 class FrictionTraits(NamedTuple):
-    """The properties of a friction law that proofs need, besides its formula in `field`."""
+    """The properties of a friction law that proofs need, besides its formula in `vector_field`."""
 
     title: str  #: its name in a sentence
     two_sided: bool  #: True if its two sides, at gamma_y = 0, are different analytic functions

@@ -1,21 +1,22 @@
 """Sets of states that flow: deviations from the start carried by points, and a small turned box.
 
-A set is  middle + lead d + axes q  for all d and q of two boxes. The deviation d of start and speed
-from their midpoints is the same at all times. A term linear in d is never wrapped into a box (R. J.
-Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q holds the
-rest, which is quadratic in d but for rounding. Its axes are chosen to follow the flow (Lohner's QR
-method; `search.steps`).
+A set is  middle + linear_part d + axes q  for all d and q of two boxes. The deviation d of start
+and speed from their midpoints is the same at all times. A term linear in d is never wrapped into a
+box (R. J. Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q
+holds the rest, which is quadratic in d but for rounding. Its axes are chosen to follow the flow
+(Lohner's QR method; `search.steps`).
 
-``middle``, ``linear_part`` and ``axes`` are points, so nothing is rounded in them. A map with enclosed
-derivatives M over the set takes it to
+``middle``, ``linear_part`` and ``axes`` are points, so nothing is rounded in them. A map with
+enclosed derivatives M over the set takes it to
 
-    image of middle  +  (M lead + by Omega) d  +  M axes q.
+    image of middle  +  (M linear_part + by Omega) d  +  M axes q.
 
 New points are chosen. The differences between the balls and these points go into q, turned into the
 new axes by an enclosure of their inverse. Likewise, the derivatives of the states with respect to
-start and Omega are lead + axes spread.
+start and Omega are linear_part + axes remainder_derivatives.
 
-Where a ball becomes a point: middle and lead are midpoints, axes any regular matrix of points.
+Where a ball becomes a point: middle and linear_part are midpoints, axes any regular matrix of
+points.
 """
 
 from __future__ import annotations
@@ -37,13 +38,14 @@ __all__ = ["Doubleton"]
 
 
 class Doubleton:
-    """A set of states of a flight, enclosed as middle + lead d + axes q for all d and q in two
-    boxes.
+    """A set of states of a flight, enclosed as middle + linear_part d + axes q for all d and q in
+    two boxes.
 
     It also holds their derivatives (3, 4) with respect to the start's three coordinates and Omega.
 
-    In a set over a curve (`half_map_of_curves`), middle and lead are jets, and the deviations
-    differ. Its ``middle_remainder`` is the part of ``remainder`` that belongs to the middle's own orbits.
+    In a set over a curve (`half_map_of_curves`), middle and linear_part are jets, and the
+    deviations differ. Its ``middle_remainder`` is the part of ``remainder`` that belongs to the
+    middle's own orbits.
     """
 
     __slots__ = (
@@ -99,8 +101,8 @@ class Doubleton:
     def image(self, centre: Sequence[Any], jacobian: Matrix) -> tuple[Any, ...]:
         """Return a box that holds the images of all states of the set under a map.
 
-        ``centre`` is the image of the set's middle, and ``jacobian`` the map's derivatives (3, 4) with
-        respect to state and Omega.
+        ``centre`` is the image of the set's middle, and ``jacobian`` the map's derivatives (3, 4)
+        with respect to state and Omega.
         """
         linear_part, turned = self._mapped_columns(jacobian)
         parts = zip(
@@ -193,8 +195,8 @@ class Doubleton:
         return image
 
     def _mapped_columns(self, jacobian: Matrix) -> tuple[Matrix, Matrix]:
-        """Return the set's matrices ``linear_part`` and ``axes`` after a map with the derivatives ``jacobian``
-        has been applied, as balls.
+        """Return the set's matrices ``linear_part`` and ``axes`` after a map with the derivatives
+        ``jacobian`` has been applied, as balls.
 
         The first one includes the map's own derivatives with respect to the equations' numbers.
         """

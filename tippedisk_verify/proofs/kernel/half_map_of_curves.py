@@ -7,11 +7,11 @@ beta = pi/2, each with its speed. Let d = (d_gamma, d_v, d_Omega) be deviations 
 about zero. The orbits start at (gamma_bar(s), v(s)) + (d_gamma, d_v) and have the speed Omega(s) +
 d_Omega. After any time their states are in
 
-    middle(s) + lead(s) d + axes q,    q in the box ``remainder``.
+    middle(s) + linear_part(s) d + axes q,    q in the box ``remainder``.
 
-This is the set of `state_set`, with jets for the functions of s. Derivatives only multiply deviations,
-so they have a lower degree in s than the middle. *For each s separately* the steps are those of
-`step`, whose boxes hold the ranges for all s.
+This is the set of `doubleton`, with jets for the functions of s. Derivatives only multiply
+deviations, so they have a lower degree in s than the middle. *For each s separately* the steps are
+those of `step`, whose boxes hold the ranges for all s.
 
 The first return to beta = pi/2
 -------------------------------
@@ -64,8 +64,8 @@ characteristic polynomial at 1 and -1 are 1 - tau - delta = det(P' - 1) and 1 + 
 eigenvalues lie between -1 and 1 if and only if both values are positive; if one of these is
 negative, an eigenvalue lies outside.
 
-Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are
-chosen. Any choice that passes the test is right.
+Where a ball becomes a point or a float: middle, linear part, axes, tau, step lengths, m, Y and r
+are chosen. Any choice that passes the test is right.
 """
 
 from __future__ import annotations
@@ -397,9 +397,9 @@ class Arc:
 
         For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
-        trace, shrinking = self.trace().range(), self.flight.divergence.range().exp()
+        trace, contraction = self.trace().range(), self.flight.divergence.range().exp()
         below = (self.slopes[1] * self.determinant).range()
-        if positive(below) and positive(1 + trace - shrinking):
+        if positive(below) and positive(1 + trace - contraction):
             return True
         # delta > 0, so this is enough.
         return False if negative(1 - trace) or negative(1 + trace) else None

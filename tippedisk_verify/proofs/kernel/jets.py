@@ -191,7 +191,9 @@ class Jet:
         return Jet.constant(ball(value), self.degree)
 
     def truncated_for_derivatives(self) -> Jet:
-        """Return the jet truncated to `DERIVATIVE_DEGREE`, the degree that suffices for derivatives."""
+        """Return the jet truncated to `DERIVATIVE_DEGREE`, the degree that suffices for
+        derivatives.
+        """
         return self.truncated(DERIVATIVE_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:

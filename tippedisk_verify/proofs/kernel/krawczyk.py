@@ -264,8 +264,9 @@ def replayed_test(
     """Apply `krawczyk_test` with the evidence that a certificate records, and return the passed
     test.
 
-    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX_SHAPE`, and ``name``
-    begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.
+    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX_SHAPE`, and
+    ``name`` begins the messages. Raises Unproved if the test fails, or if a part of the logs is not
+    used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     outcome = krawczyk_test(

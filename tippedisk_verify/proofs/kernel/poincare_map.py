@@ -23,9 +23,9 @@ exactly once.
 Both maps
 ---------
 For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the
-friction law changes (`sliding.SlidingReversalStep`) v must keep its sign and gamma_bar must stay below 2 pi.
-So neither the turn nor the section lies in it. If no case can be shown, a shorter step is tried. If
-that does not help, the proof ends with a status that names the reason.
+friction law changes (`sliding.SlidingReversalStep`) v must keep its sign and gamma_bar must stay
+below 2 pi. So neither the turn nor the section lies in it. If no case can be shown, a shorter step
+is tried. If that does not help, the proof ends with a status that names the reason.
 """
 
 from __future__ import annotations

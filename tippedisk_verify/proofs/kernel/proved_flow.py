@@ -2,7 +2,7 @@
 
 All states are in shifted angles, (beta - pi/2, gamma - pi/2, v). The section is beta_bar = 0, the
 symmetry S is x -> -x, and the equilibria are (0, 0, 0), (0, -pi, 0) and (0, pi, 0). The friction
-law is linear; `sliding` has the smooth one. `step` proves one step, and `state_set` has the sets of
+law is linear; `sliding` has the smooth one. `step` proves one step, and `doubleton` has the sets of
 states.
 
 **Who chooses.** The lengths and orders of steps and the axes of sets come from a `StepProposer`. It
@@ -68,8 +68,8 @@ class StepProposer(Protocol):
     def next_step(self, path: Path, max_length: Any) -> Step | None:
         """Return the next step of the path, of at most ``max_length`` seconds, or None to give up.
 
-        The step is made by a `StepTrial` of the path. The flight asks again, for a shorter step, if it
-        cannot use this one.
+        The step is made by a `StepTrial` of the path. The flight asks again, for a shorter step, if
+        it cannot use this one.
         """
 
     def after_reversal(self) -> StepProposer:
@@ -81,7 +81,7 @@ class StepProposer(Protocol):
         self, moved_axes: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
     ) -> Sequence[Sequence[Any]]:
         """Return new axes for the box of a set of states: the columns of a regular matrix of points
-        (`state_set.Doubleton.carried`).
+        (`doubleton.Doubleton.image_set`).
 
         Args:
             moved_axes: The old axes as the flow has moved them, a matrix of balls.
@@ -101,10 +101,12 @@ class Model:
     flights.
 
     Args:
-        constants: As from `vector_field.constants` or `balls.ball_constants`, or arrays of balls.
+        constants: As from `vector_field.field_constants` or `balls.ball_constants`, or arrays of
+            balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
         make_vector_field: The equations, if they are not those of the linear law.
-        extra_parameters: Further numbers on which the ``make_vector_field`` depends; it takes them after the speed.
+        extra_parameters: Further numbers on which the ``make_vector_field`` depends; it takes them
+            after the speed.
     """
 
     def __init__(
@@ -124,8 +126,9 @@ class Model:
         numbers = [graph.number(part, active=True) for part in (self.omega, *extra_parameters)]
         rates = self._rates(graph, variables, numbers)
         self.remainder_model: Any = self  #: the equations that enclose remainders
-        #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega
-        #: and the further numbers (3 each); ``variational_system_with_divergence`` adds the divergence's integral
+        #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega and
+        #: the further numbers (3 each); ``variational_system_with_divergence`` adds the
+        #: divergence's integral
         self.variational_system, self.variational_system_with_divergence = with_derivatives(
             graph, variables, numbers, rates
         )
@@ -239,8 +242,8 @@ class Path:
         return FlowStatus.STEP_LIMIT if self.step_count >= _MAX_STEPS else None
 
     def states_after(self, step: Step, time: Any = None) -> Doubleton:
-        """Return the set of the states (a `Doubleton`) after ``time`` [s] in the step, or at the step's
-        end if the time is left out.
+        """Return the set of the states (a `Doubleton`) after ``time`` [s] in the step, or at the
+        step's end if the time is left out.
         """
         stiffness = 1 + magnitude_estimate(
             range_of(step.derivative_polynomials[8][1])

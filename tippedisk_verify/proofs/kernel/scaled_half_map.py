@@ -7,11 +7,11 @@ In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write
 with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
 At q = 0 they are those of the linearisation.
 
-The equations are those of `vector_field`: a `_ScaledNumber` stands for a number a x (odd) or x (even). The
-sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A
-product of two odd numbers is even, with a factor q. A sum of an odd and an even number is refused,
-and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a takes
-place.
+The equations are those of `vector_field`: a `_ScaledNumber` stands for a number a x (odd) or x
+(even). The sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is
+even. A product of two odd numbers is even, with a factor q. A sum of an odd and an even number is
+refused, and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a
+takes place.
 
 The equations of the family
 ---------------------------

@@ -4,8 +4,8 @@ side of gamma_y = 0.
 One law for each side
 ---------------------
 gamma_y is the sliding velocity. For each sign s the law with |gamma_y| replaced by s gamma_y
-(`field.one_sided_vector_field`) is analytic wherever s gamma_y > -epsilon. It is the smooth law where
-s gamma_y >= 0. As
+(`field.one_sided_vector_field`) is analytic wherever s gamma_y > -epsilon. It is the smooth law
+where s gamma_y >= 0. As
 
     traction / (s gamma_y + epsilon) = (s traction) / (gamma_y + s epsilon),
 

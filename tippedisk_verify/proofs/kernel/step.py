@@ -134,8 +134,8 @@ class Step:
 
     @cached_property
     def midpoint_end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
-        """The state of the midpoint's orbit at the step's end, and the derivatives that `step_derivatives_at`
-        gives there.
+        """The state of the midpoint's orbit at the step's end, and the derivatives that
+        `step_derivatives_at` gives there.
         """
         time = converted_like(self.polynomials[0][0], self.length)
         return self.midpoint_orbit_at(time), self.step_derivatives_at(time)
@@ -250,11 +250,15 @@ class StepTrial:
 
 
 def enclosed_zero_time(
-    step: Step, span: Any, value: Callable[[Any], Any], slope: Any, slope_over: Callable[[Any], Any]
+    step: Step,
+    span: Any,
+    value: Callable[[Any], Any],
+    slope: Any,
+    slope_over: Callable[[Any], Any],
 ) -> Any:
     """Return a ball of times that holds all zeros of growing functions of time; None if not shown.
 
-    Each function has one zero in the step, and all zeros lie in the ball ``time_span``. ``value`` and
+    Each function has one zero in the step, and all zeros lie in the ball ``span``. ``value`` and
     ``slope_over`` enclose the functions and their derivatives at a ball of times; ``slope`` holds
     the derivatives over the span. Interval Newton steps are T -> t - x(t) / x'(T), where t is the
     midpoint of T; any point of T in the step would do. The sign of x(t) decides on which side of t

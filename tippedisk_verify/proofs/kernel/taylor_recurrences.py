@@ -1,11 +1,11 @@
 """Taylor coefficients of solutions, by recurrences on a graph that the equations of motion record.
 
-A `Graph` makes nodes that know arithmetic. Evaluating `field.field` on them once records its
-elementary operations. Each operation has a recurrence for the Taylor coefficients of its result
-(Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a product it is a
-convolution; sine and cosine follow from each other. Partial derivatives are recorded on the same
-graph in reverse order (`Graph.gradient`), so the variational equations need no transcription
-(`with_derivatives`).
+A `Graph` makes nodes that know arithmetic. Evaluating `vector_field.vector_field` on them once
+records its elementary operations. Each operation has a recurrence for the Taylor coefficients of
+its result (Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a
+product it is a convolution; sine and cosine follow from each other. Partial derivatives are
+recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations need no
+transcription (`with_derivatives`).
 
 Besides sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2
 (`Graph.scaled_sine`). Along an orbit, without a division by a,
@@ -81,7 +81,7 @@ class Graph:
     """A record of the arithmetic by which the rates of motion are computed, for Taylor recurrences.
 
     Its nodes are the operations in the order in which they were recorded. The graph also provides
-    the sine and cosine (``ops``) that `field.field` needs.
+    the sine and cosine (``ops``) that `vector_field.vector_field` needs.
     """
 
     def __init__(self) -> None:

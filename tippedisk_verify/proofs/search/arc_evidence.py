@@ -22,7 +22,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     Piece,
     exact_magnitude_bound,
     first_unproved_sign,
-    test_arc_box,
+    krawczyk_test_of_box,
 )
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     SERIES_ORDERS,
@@ -43,13 +43,13 @@ from tippedisk_verify.proofs.search.steps import axes_of_balls
 __all__ = [
     "BITS",
     "CurveStepSearch",
-    "Guess",
-    "adapt_boxes",
+    "CycleGuess",
+    "family_coefficients",
     "family_polynomials",
-    "family_rows",
+    "krawczyk_test_with_adapted_boxes",
     "piece_entry",
     "prove_piece",
-    "two_digits",
+    "rounded_up_to_two_digits",
 ]
 
 BITS, _DEGREE = 64, 4
@@ -63,7 +63,7 @@ _MAX_ATTEMPTS = 3
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
-Guess = tuple[Fraction, Fraction, Fraction]
+CycleGuess = tuple[Fraction, Fraction, Fraction]
 Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and a proposer
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
@@ -77,8 +77,8 @@ class CurveStepSearch:
     """A proposer that finds the steps of one flight from a curve of starts by trials of their
     length.
 
-    ``log`` records the steps and axes. They are first rounded to a few digits, so the log holds them
-    exactly.
+    ``log`` records the steps and axes. They are first rounded to a few digits, so the log holds
+    them exactly.
     """
 
     def __init__(self) -> None:
@@ -88,18 +88,20 @@ class CurveStepSearch:
     def next_step(self, path: CurvePath, max_length: Any) -> Step:
         """Return a step of the path with small remainders.
 
-        The orbits return to the section well inside this step, or well after it. ``max_length`` is not
-        used.
+        The orbits return to the section well inside this step, or well after it. ``max_length`` is
+        not used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
         trial = StepTrial(path, SERIES_ORDERS)
         for _ in range(_MAX_TRIALS):
-            text = self._next()
+            text = self._next_share()
             share = float(text)
             step = trial.tested_step((path.duration * share).mid())
             excess = max(
-                _excess(step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE),
-                _excess(step.polynomials, step, SERIES_ORDERS[0] + 1, _TOLERANCE),
+                _length_excess(
+                    step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE
+                ),
+                _length_excess(step.polynomials, step, SERIES_ORDERS[0] + 1, _TOLERANCE),
             )
             # The longest acceptable length, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
@@ -110,7 +112,7 @@ class CurveStepSearch:
         self.log.append({"share": text})
         return step
 
-    def _next(self) -> str:
+    def _next_share(self) -> str:
         """Return the length of the step to try next, as a share of the whole flight, in decimal
         text.
 
@@ -135,7 +137,9 @@ class CurveStepSearch:
         return [[arb(float(text)) for text in row] for row in texts]
 
 
-def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
+def _length_excess(
+    series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int
+) -> float:
     """Return log2 of the ratio of a step's length to the largest length that is acceptable.
 
     The remainders of the series grow like the ``power`` of the length and may reach 2^tolerance.
@@ -160,7 +164,7 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
     for _ in range(_MAX_STEPS):
         series = orbit.coefficients(state, SERIES_ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_MAX_SHARE, _reach(series) / float(total.coefficients[0].mid()))
+        reach = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
@@ -169,11 +173,11 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
             time + length,
             done + reach,
         )
-    tau = _moment(series, 0 * total)
+    tau = _section_time(series, 0 * total)
     return [-evaluate_polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
 
 
-def _reach(series: Sequence[Sequence[Jet]]) -> float:
+def _estimated_length(series: Sequence[Sequence[Jet]]) -> float:
     """Estimate the step length [s], at most 1 s, for which the last two terms of a Taylor series
     stay below 2^_TOLERANCE.
     """
@@ -187,7 +191,7 @@ def _reach(series: Sequence[Sequence[Jet]]) -> float:
     return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
 
 
-def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
+def _section_time(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
     """Approximate the time within a step at which beta_bar is 0, by Newton's iteration from a
     guess.
 
@@ -206,7 +210,7 @@ def family_polynomials(
     radius: Any,
     degree: int,
     total: Any,
-    kind: type[Curve],
+    curve_class: type[Curve],
 ) -> tuple[list[Jet], Jet]:
     """Return Taylor polynomials along the family of limit cycles: of (gamma_bar, v, Omega), and of
     half the period, in the parameter s.
@@ -217,20 +221,20 @@ def family_polynomials(
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
-    columns = (_slope(constants, kind, point, total, k) for k in UNKNOWN_INDICES)
+    columns = (_jacobian_column(constants, curve_class, point, total, k) for k in UNKNOWN_INDICES)
     chord = inverse_of_order_2(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
-    half = Jet([total])
+    half_period = Jet([total])
     for k in (*[0] * _CHORD_STEPS, *range(1, degree + 1)):
         if len(polynomials[0]) == k:
             for part in polynomials:
                 part.append(zero)
-            half = Jet([*half.coefficients, zero])
+            half_period = Jet([*half_period.coefficients, zero])
             if k == 1:
                 polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
-        curve = kind(first, v, speed, [zero] * 3, half)
-        image, half = approximate_flight(constants, curve)
+        curve = curve_class(first, v, speed, [zero] * 3, half_period)
+        image, half_period = approximate_flight(constants, curve)
         value = [
             after.coefficients[k] - before.coefficients[k]
             for after, before in zip(image, curve.start, strict=True)
@@ -239,20 +243,26 @@ def family_polynomials(
             polynomials[index][k] = (
                 polynomials[index][k] - row[0] * value[0] - row[1] * value[1]
             ).mid()
-    return [Jet(part) for part in polynomials], half
+    return [Jet(part) for part in polynomials], half_period
 
 
-def family_rows(
-    constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
+def family_coefficients(
+    constants: FieldConstants,
+    start: Sequence[Any],
+    radius: Any,
+    total: Any,
+    curve_class: type[Curve],
 ) -> list[tuple[Fraction, ...]]:
     """Return the Taylor polynomials along the family (`family_polynomials`), rounded to decimals.
 
     They are those of the two unknown numbers and of half the period.
 
-    Raises Stopped if they are not finite.
+    Raises SearchStopped if they are not finite.
     """
-    polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
-    jets = [*(polynomials[k] for k in UNKNOWN_INDICES), half]
+    polynomials, half_period = family_polynomials(
+        constants, start, radius, _DEGREE, total, curve_class
+    )
+    jets = [*(polynomials[k] for k in UNKNOWN_INDICES), half_period]
     if not all(entry.is_finite() for jet in jets for entry in jet.coefficients):
         raise SearchStopped(ArcStatus.NOT_FOLLOWED)
     return [
@@ -261,8 +271,12 @@ def family_rows(
     ]
 
 
-def _slope(
-    constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int
+def _jacobian_column(
+    constants: FieldConstants,
+    curve_class: type[Curve],
+    point: Sequence[Any],
+    half_period: Any,
+    moving: int,
 ) -> list[Any]:
     """Approximate a column of the Jacobian of F, the half map minus its start.
 
@@ -274,15 +288,15 @@ def _slope(
         Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
     )
     image, _ = approximate_flight(
-        constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1))
+        constants, curve_class(first, v, speed, [zero] * 3, Jet.constant(half_period, 1))
     )
     return [
         (part.coefficients[1] / _DIFFERENCE_SHARE).mid() - own[moving]
-        for part, own in zip(image, kind.start_derivative, strict=True)
+        for part, own in zip(image, curve_class.start_derivative, strict=True)
     ]
 
 
-class BoxedTest(NamedTuple):
+class PassedArcTest(NamedTuple):
     """A passed Krawczyk test of an arc of the family, with the box's radii and the
     recorded steps.
     """
@@ -293,11 +307,11 @@ class BoxedTest(NamedTuple):
     evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
 
 
-def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
+def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> PassedArcTest:
     """Repeat Krawczyk's test of an arc with adapted boxes until it passes, and return the passed
     test.
 
-    Raises Stopped if it does not pass.
+    Raises SearchStopped if it does not pass.
 
     Args:
         test: Called with the radii of a box and a proposer of steps; returns the test's result.
@@ -306,7 +320,7 @@ def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
     for _ in range(_MAX_ATTEMPTS):
         proposer, sizes = (
             CurveStepSearch(),
-            [two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
+            [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
         )
         try:
             arc = test(sizes, proposer)
@@ -315,11 +329,13 @@ def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
         if not all(off.is_finite() for off in arc.within):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
-            two_digits(max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
+            rounded_up_to_two_digits(
+                max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30))
+            )
             for off in arc.within
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return BoxedTest(arc, sizes, within, _box_evidence(sizes, proposer))
+            return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))
         radii = [2 * part for part in within]
     raise SearchStopped(ArcStatus.NOT_INCLUDED)
 
@@ -329,7 +345,7 @@ def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[
 
 
 def prove_piece(
-    parameters: Parameters, low: Fraction, high: Fraction, guess: Guess
+    parameters: Parameters, low: Fraction, high: Fraction, guess: CycleGuess
 ) -> Piece | ArcStatus:
     """Prove a piece of the family of limit cycles, between two amplitudes [rad]. Return the piece,
     or the reason why it is not proved.
@@ -341,29 +357,33 @@ def prove_piece(
     middle, length = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     disk = parameter_texts(parameters)
     with working_precision(BITS):
-        start, half = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
-        kind = Curve if low else ScaledCurve
+        start, half_period = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
+        curve_class = Curve if low else ScaledCurve
         try:
-            first, second, half_period = family_rows(
-                field_constants(disk), start, ball(length), half, kind
+            first, second, half_period = family_coefficients(
+                field_constants(disk), start, ball(length), half_period, curve_class
             )
             arc: dict[str, Any] = {
                 "end": exact_text(high),
                 "curve": [[*map(exact_text, row)] for row in (first, second)],
                 "half": [*map(exact_text, half_period)],
             }
-            test: Test = lambda radii, proposer: test_arc_box(disk, low, arc, radii, proposer)  # noqa: E731
+
+            def test(radii: Sequence[Fraction], proposer: Any) -> Arc:
+                return krawczyk_test_of_box(disk, low, arc, radii, proposer)
+
             radii = [
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
             for _ in range(_MAX_ATTEMPTS):
-                box = adapt_boxes(test, radii)
+                box = krawczyk_test_with_adapted_boxes(test, radii)
                 if (refusal := first_unproved_sign(box.arc)) is None:
                     break
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 radii = [part * 5 / 4 for part in box.within]
                 if any(
-                    2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)
+                    2 * rounded_up_to_two_digits(new) > old
+                    for new, old in zip(radii, box.radii, strict=True)
                 ):
                     break
         except SearchStopped as fault:
@@ -372,11 +392,11 @@ def prove_piece(
             return refusal
         unique, evidence = box.radii, arc | {"bits": BITS, "box": box.evidence}
         # The box of uniqueness may be wider than the box of the signs.
-        room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
+        distance_to_end = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
         slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in (first, second)]
         for share in _WIDE_SHARES:
             wide, proposer = (
-                [two_digits(slope * room * share) for slope in slopes],
+                [rounded_up_to_two_digits(slope * distance_to_end * share) for slope in slopes],
                 CurveStepSearch(),
             )
             with suppress(Unproved):
@@ -409,6 +429,6 @@ def piece_entry(piece: Piece) -> dict[str, object]:
     }
 
 
-def two_digits(value: Fraction) -> Fraction:
+def rounded_up_to_two_digits(value: Fraction) -> Fraction:
     """Return the least decimal of two significant digits that is at least ``value`` > 0."""
     return Fraction(rounded_up(value))

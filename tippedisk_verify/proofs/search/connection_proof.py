@@ -55,7 +55,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SaddleCoordinates,
     abs_upper,
     off_diagonal_sums,
-    show_departure,
+    show_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
@@ -74,8 +74,8 @@ __all__ = [
     "ConnectionStatus",
     "ProvedConnection",
     "eigenvectors",
+    "invariant_curve_series",
     "prove_connection",
-    "series_of_curve",
     "smallest_weights",
 ]
 
@@ -246,18 +246,21 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     """
     if not 1 <= digits <= MAX_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MAX_DIGITS} digits, not {digits}")
-    given = exact(near)
-    if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
+    approximation = exact(near)
+    if approximation.pi_multiple or not Fraction(1, 10**6) < approximation.rational < 10**6:
         raise InputError(
             f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}"
         )
     # Decimal ends, so that the printed interval is exactly the proved one.
     least = _MIN_DIGITS + parameters.law.two_sided
-    decimals = max(digits, least) + max(0, -decimal_magnitude(given.rational))
-    middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
+    decimals = max(digits, least) + max(0, -decimal_magnitude(approximation.rational))
+    middle, half_width = (
+        round(approximation.rational, decimals + 2),
+        Fraction(4, 10 ** (decimals + 1)),
+    )
     bits = (
         math.ceil(-math.log2(half_width))
-        + max(0, math.ceil(math.log2(given.rational)))
+        + max(0, math.ceil(math.log2(approximation.rational)))
         + _GUARD_BITS
     )
     for attempt in range(_MAX_PASSES):
@@ -271,7 +274,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                     disk, parameters.law.name, (middle, half_width), search
                 )
         except Unproved as fault:
-            proof = ProvedConnection(search.stopped(fault), bits=bits, outcome_detail=str(fault))
+            proof = ProvedConnection(
+                search.failure_status(fault), bits=bits, outcome_detail=str(fault)
+            )
             if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
@@ -303,8 +308,8 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
     row are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable
     and two real stable directions.
     """
-    found = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
-    roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
+    isolated_roots = exact_polynomial(parameters.rational(), speed, NONINVERTED).complex_roots()
+    roots = [root for root, count in isolated_roots if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
         raise NoConnectionError(
             "noninverted spinning is a saddle-focus here: its connections are not proved"
@@ -326,7 +331,7 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     """Return nearly the smallest weights with which the cone conditions hold for a matrix.
 
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
-    diagonal entry. The kernel tests them with `cones`.
+    diagonal entry. The kernel tests them with `cone_conditions`.
     """
     weights = [abs_upper(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
     for _ in range(_MAX_DOUBLINGS):
@@ -337,7 +342,7 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     return weights
 
 
-def series_of_curve(
+def invariant_curve_series(
     saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
 ) -> ManifoldGraph:
     """Return the power series of an invariant curve of the saddle at the middle speed, as a
@@ -389,9 +394,9 @@ class _ConnectionSearch(EvidenceSearch):
         super().__init__()
         self.parameters, self.middle, self.bits = parameters, middle, bits
         #: the flight ends when the fast coordinate is smaller
-        self.small = half_width * share
+        self.fast_tolerance = half_width * share
 
-    def stopped(self, fault: Unproved) -> ConnectionStatus:
+    def failure_status(self, fault: Unproved) -> ConnectionStatus:
         """Return the status that names the stage at which the proof of the connection failed.
 
         ``fault`` is the error by which the kernel or the search gave up.
@@ -418,18 +423,18 @@ class _ConnectionSearch(EvidenceSearch):
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
     def unstable(self, saddle: SaddleCoordinates) -> dict[str, Any]:
-        curve = series_of_curve(saddle, UNSTABLE, self.order, self.values)
-        return self._entry(curve) | {"reach": _share_of_reach(curve)}
+        curve = invariant_curve_series(saddle, UNSTABLE, self.order, self.values)
+        return self._graph_evidence(curve) | {"reach": _usable_length(curve)}
 
     def slow(self, saddle: SaddleCoordinates) -> dict[str, Any]:
-        curve = series_of_curve(saddle, SLOW, self.order, self.values)
+        curve = invariant_curve_series(saddle, SLOW, self.order, self.values)
         # Nearer than the series require: the cones there need orbits that differ along the unstable
         # direction. They hold in a box that is wider than N by the ratio of the eigenvectors'
         # components.
-        self.reach = _share_of_reach(curve) / 16
-        return self._entry(curve)
+        self.reach = _usable_length(curve) / 16
+        return self._graph_evidence(curve)
 
-    def _entry(self, curve: ManifoldGraph) -> dict[str, Any]:
+    def _graph_evidence(self, curve: ManifoldGraph) -> dict[str, Any]:
         return {"graph": curve.graph} | ({} if curve.side is None else {"side": str(curve.side)})
 
     def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
@@ -441,7 +446,7 @@ class _ConnectionSearch(EvidenceSearch):
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
-                show_departure(curve, theta, k, defect)
+                show_unstable_cone(curve, theta, k, defect)
             except Unproved:
                 continue
             break
@@ -459,11 +464,12 @@ class _ConnectionSearch(EvidenceSearch):
         if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
             raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
-            abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
+            abs(z[SLOW]) < self.reach
+            and abs(curve.offset_from_curve(z)[1].mid()) < ball(self.fast_tolerance)
         )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
-        s, u, t = map(abs_upper, (z[SLOW], *curve.straightened(z)))
+        s, u, t = map(abs_upper, (z[SLOW], *curve.offset_from_curve(z)))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
         # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
@@ -501,7 +507,7 @@ class _ConnectionSearch(EvidenceSearch):
         return [weights[0].mid(), *(weights[k].max(2 * least[k]).mid() for k in (SLOW, FAST))]
 
 
-def _share_of_reach(curve: ManifoldGraph) -> Any:
+def _usable_length(curve: ManifoldGraph) -> Any:
     """Return the length up to which a curve's power series is used: a power of two, at most 1/4.
 
     It is near an eighth of the estimated radius of convergence.

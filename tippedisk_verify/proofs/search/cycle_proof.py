@@ -46,8 +46,8 @@ __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus",
 _GUARD_DIGITS = 6  # by these the box is smaller than the requested digits
 _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
 _FIRST_BITS = 96
-_REMOTE_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
-_REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
+_WIDE_BOX_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
+_WIDE_BOX_EXPONENTS = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MAX_ITERATIONS = 25
 _MAX_ATTEMPTS = 6
 
@@ -176,17 +176,17 @@ def prove_cycle(
     guess: Sequence[object],
     *,
     digits: int = 12,
-    most_bits: int = 20_000,
+    max_bits: int = 20_000,
     section: PoincareSection = LIBRATING_SECTION,
 ) -> CycleProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
     The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `ROTATING_SECTION`, (beta_bar,
     v) at gamma = pi/2, of a few digits or more. Period, state and beta_max are enclosed to
-    ``digits`` significant digits, the others to about as many. ``most_bits`` bounds the working
+    ``digits`` significant digits, the others to about as many. ``max_bits`` bounds the working
     precision. Raises InputError for a guess or speed out of range. Any other failure is a status.
     """
-    attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
+    attempt = CycleAttempt(parameters, checked_speed(omega), digits, max_bits, section)
     if len(guess) != 2:
         raise InputError(
             f"a guess has two components: {'gamma_bar' if section == LIBRATING_SECTION else 'beta_bar'} and v"
@@ -212,31 +212,31 @@ class CycleAttempt:
         parameters: Parameters,
         omega: Fraction,
         digits: int,
-        most_bits: int,
+        max_bits: int,
         section: PoincareSection,
     ) -> None:
-        self.parameters, self.omega, self.digits, self.most_bits = (
+        self.parameters, self.omega, self.digits, self.max_bits = (
             parameters,
             omega,
             digits,
-            most_bits,
+            max_bits,
         )
         self.section, self.setting = section, certificate_claim("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
-        self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
+        self.bits = min(max_bits, self.box_bits + _GUARD_BITS)
 
     def run(self, guess: Sequence[Any]) -> CycleProof:
-        middle = self.sharpened(guess)
+        middle = self.refined_guess(guess)
         for _ in range(_MAX_ATTEMPTS):
             with working_precision(self.bits):
-                at, drift = cycle.place(self.setting, middle)
-                fixed, evidence = self.tested(at, drift, self.box_bits)
+                at, speed_deviation = cycle.box_centre(self.setting, middle)
+                fixed, evidence = self.test_box(at, speed_deviation, self.box_bits)
                 if isinstance(fixed, PoincareImage):
-                    ended, more = _not_followed(fixed), 64
+                    ended, extra_bits = _not_followed(fixed), 64
                 elif not fixed.included:
-                    ended, more = (
+                    ended, extra_bits = (
                         SearchStopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
-                        _shortage(fixed, evidence),
+                        _lacking_bits(fixed, evidence),
                     )
                 else:
                     values = cycle.cycle_numbers(self.section, fixed)
@@ -249,29 +249,31 @@ class CycleAttempt:
                         self.bits,
                         values,
                         stable=cycle.stability(values),
-                        reversals=cycle.reversals(self.section, fixed),
+                        reversals=cycle.reversals_per_period(self.section, fixed),
                     )
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, drift, evidence)
-                    ended, more = (
+                        return self.with_uniqueness_distances(
+                            proof, fixed, speed_deviation, evidence
+                        )
+                    ended, extra_bits = (
                         SearchStopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
                         lacking + 4,
                     )
-                    self.box_bits += more
+                    self.box_bits += extra_bits
                 if isinstance(fixed, KrawczykResult) and all(
                     part.is_finite() for part in fixed.image
                 ):
                     middle = [part.mid() for part in fixed.image[:2]]
-            if self.bits + more > self.most_bits:
+            if self.bits + extra_bits > self.max_bits:
                 raise ended
-            self.bits += more
+            self.bits += extra_bits
         raise ended
 
-    def tested(
+    def test_box(
         self,
         middle: Sequence[Any],
-        drift: Any,
+        speed_deviation: Any,
         size: int,
         centre: tuple[FlightStepSearch, PoincareImage] | None = None,
     ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
@@ -279,17 +281,19 @@ class CycleAttempt:
 
         Args:
             middle: The box's centre: both coordinates on the section, and the speed.
-            drift: A ball of the speed's deviation from the centre.
+            speed_deviation: A ball of the speed's deviation from the centre.
             size: The exponent of the radii.
             centre: The flight from the centre, if it has already been computed.
 
         Returns:
             The test's result (or a flight that did not return to the section), and the evidence.
         """
-        sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
-        return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
+        radii = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
+        return searched_test(
+            self.setting, self.section, (0, 1), middle, radii, speed_deviation, centre
+        )
 
-    def sharpened(self, guess: Sequence[Any]) -> list[Any]:
+    def refined_guess(self, guess: Sequence[Any]) -> list[Any]:
         """Refine a guess of a limit cycle by Newton's iteration on midpoints, until its distance
         from the cycle is less than the radius of the box to be tested.
         """
@@ -344,23 +348,27 @@ class CycleAttempt:
             CycleStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
         )
 
-    def neighbourhood(
-        self, proof: CycleProof, fixed: KrawczykResult, drift: Any, evidence: dict[str, Any]
+    def with_uniqueness_distances(
+        self,
+        proof: CycleProof,
+        fixed: KrawczykResult,
+        speed_deviation: Any,
+        evidence: dict[str, Any],
     ) -> CycleProof:
         """Return the proof of a cycle, completed by its evidence and a distance to any other cycle.
 
         Wider boxes than that of the proof are tested, the widest first. The first one that passes
         gives distances within which there is no second fixed point.
         """
-        with working_precision(_REMOTE_BITS):
-            for size in _REMOTE_BOXES:
+        with working_precision(_WIDE_BOX_BITS):
+            for size in _WIDE_BOX_EXPONENTS:
                 if size >= self.box_bits:
                     continue
-                remote, wide = self.tested(
-                    fixed.middle, drift, size, (evidence["centre"], fixed.centre)
+                wide_result, wide = self.test_box(
+                    fixed.middle, speed_deviation, size, (evidence["centre"], fixed.centre)
                 )
-                if isinstance(remote, KrawczykResult) and remote.included:
-                    evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
+                if isinstance(wide_result, KrawczykResult) and wide_result.included:
+                    evidence["wide box"] = wide["box"] | {"bits": _WIDE_BOX_BITS}
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
@@ -373,7 +381,7 @@ def _not_followed(flight: PoincareImage) -> SearchStopped:
     )
 
 
-def _shortage(fixed: KrawczykResult, evidence: Mapping[str, Any]) -> int:
+def _lacking_bits(fixed: KrawczykResult, evidence: Mapping[str, Any]) -> int:
     """Return the number of extra bits, at least 16, with which the next test of a box should
     compute.
 

@@ -50,7 +50,7 @@ _FIRST_SLOPE = 8  # of v along the arc [1/s], at first
 # First radius of Omega's enclosure over the arc, in units of the squared half-length
 _FIRST_WIDTH = 2**26
 _INFLATIONS = 3
-_CHORDS = 12
+_MAX_CHORD_STEPS = 12
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,13 +151,13 @@ class _FoldAttempt:
         """
         p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
         length = ball(self.arc.uncertainty)
-        whole = self.whole(p, length)
-        sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
+        whole = self.test_arc(p, length)
+        radii = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
         points = [
-            self.states_at_end(name, end, whole, sizes)
-            for name, end in zip(fold.POINTS[1:], ends, strict=True)
+            self.test_end(name, end, whole, radii)
+            for name, end in zip(fold.TEST_NAMES[1:], ends, strict=True)
         ]
-        extremum = fold.extremum(*map(fold.slope, points))
+        extremum = fold.extremum(*map(fold.speed_slope, points))
         if extremum is None:
             raise Unproved(
                 "Omega is not proved to rise at one end of the arc and to fall at the other"
@@ -176,30 +176,30 @@ class _FoldAttempt:
         )
         return extremum, values
 
-    def whole(self, arc: Any, length: Any) -> KrawczykResult:
+    def test_arc(self, arc: Any, length: Any) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycles of all points of the arc, and return the passed
         test.
 
         The box is widened until it holds Krawczyk's image.
         """
-        m, sizes = (
+        m, radii = (
             [ball(part).mid() for part in self.near],
             [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()],
         )
         for _ in range(1 + _INFLATIONS):
-            fixed = self.test("arc", arc, m, sizes)
+            fixed = self.test_box("arc", arc, m, radii)
             if fixed.included:
                 return fixed
             if not all(part.is_finite() for part in fixed.image):
                 break
-            m, sizes = (
+            m, radii = (
                 [part.mid() for part in fixed.image[1:]],
                 [2 * part.rad() for part in fixed.image[1:]],
             )
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
-    def states_at_end(
-        self, name: str, end: Any, whole: KrawczykResult, sizes: Sequence[Any]
+    def test_end(
+        self, name: str, end: Any, whole: KrawczykResult, radii: Sequence[Any]
     ) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycle at an end of the arc, and return the passed
         test.
@@ -216,7 +216,7 @@ class _FoldAttempt:
             (part - slope * distance).mid()
             for part, slope in zip(whole.image[1:], along, strict=True)
         ]
-        for _ in range(_CHORDS):
+        for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
             flight = enclose_poincare_map(
                 Model(ball_constants(self.parameters), m[1]), self.section, start, search
@@ -226,23 +226,23 @@ class _FoldAttempt:
             steps = matrix_times_vector(
                 inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
             )
-            if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
+            if all(abs(step) < size / 4 for step, size in zip(steps, radii, strict=True)):
                 break
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
         else:
             raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
-        fixed = self.test(name, end, m, sizes, (search, flight))
+        fixed = self.test_box(name, end, m, radii, (search, flight))
         require(
             fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box"
         )
         return fixed
 
-    def test(
+    def test_box(
         self,
         name: str,
         p: Any,
         m: Sequence[Any],
-        sizes: Sequence[Any],
+        radii: Sequence[Any],
         centre: tuple[FlightStepSearch, PoincareImage] | None = None,
     ) -> KrawczykResult:
         """Apply Krawczyk's test to a limit cycle in a box about a point, and store the
@@ -250,7 +250,7 @@ class _FoldAttempt:
         """
         setting, middle = certificate_claim("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
-            setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
+            setting, self.section, (1, 2), middle, radii, p - p.mid(), centre
         )
         if isinstance(fixed, PoincareImage):
             raise _not_followed(fixed)

@@ -144,8 +144,8 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
 class EvidenceSearch:
     """A source of the evidence that a verification in the kernel needs, such as weights and radii.
 
-    It is called with the name of a piece of evidence and the values on which it may depend. Subclasses
-    have a method for each name. ``log`` contains the latest answers.
+    It is called with the name of a piece of evidence and the values on which it may depend.
+    Subclasses have a method for each name. ``log`` contains the latest answers.
     """
 
     def __init__(self) -> None:

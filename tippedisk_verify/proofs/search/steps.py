@@ -29,7 +29,7 @@ __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
 _MIN_ORDER = 16  # of derivatives that only multiply radii
 # Over a wide box, the order of the series and the decay along v in a step. Balls add up
 # alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
-_WIDE_ORDER, _DAMPED = 8, 0.5
+_WIDE_ORDER, _MAX_DECAY = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _MIN_STEP = 2.0**-40  # s
 _MAX_TRIALS = 40
@@ -68,14 +68,14 @@ class FlightStepSearch:
             return None
 
     def _trials(self, path: Path, max_length: float | None) -> Step | None:
-        """Try steps of falling length, at most ``max_length`` seconds, and return the first one that
-        the kernel's test proves with small remainders. Return None if all fail.
+        """Try steps of falling length, at most ``max_length`` seconds, and return the first one
+        that the kernel's test proves with small remainders. Return None if all fail.
         """
         bits = working_bits()
-        order = _order(bits)
-        allowed, rough_allowed = _allowed(path, bits)
+        order = _taylor_order(bits)
+        allowed, rough_allowed = _allowed_remainders(path, bits)
         rough_order = (
-            min(order, _order(-rough_allowed, _WIDE_ORDER))
+            min(order, _taylor_order(-rough_allowed, _WIDE_ORDER))
             if path.carries_derivatives
             else _MIN_ORDER
         )
@@ -84,10 +84,10 @@ class FlightStepSearch:
             stiffness = float(abs(trial.box_series[11][1]).abs_upper())
             max_length = min(
                 math.inf if max_length is None else max_length,
-                rounded_down_to_20_bits(_DAMPED / max(1.0, stiffness)),
+                rounded_down_to_20_bits(_MAX_DECAY / max(1.0, stiffness)),
             )
         sizes = [max(0, log2_magnitude(column[0])) for column in trial.box_series[3:]]
-        reach, share = _length(trial.midpoint_series, allowed), self._share
+        reach, share = _estimated_length(trial.midpoint_series, allowed), self._share
         for _ in range(_MAX_TRIALS):
             length = rounded_down_to_20_bits(
                 min(reach * share, max_length if max_length is not None else math.inf)
@@ -103,8 +103,8 @@ class FlightStepSearch:
                 share *= 0.5
                 continue
             excess = max(
-                _excess(fine, [0, 0, 0], allowed, length, order + 1),
-                _excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
+                _length_excess(fine, [0, 0, 0], allowed, length, order + 1),
+                _length_excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
             if step.included and excess <= 0:
@@ -139,7 +139,7 @@ class FlightStepSearch:
         )
 
 
-def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
+def _allowed_remainders(path: Path, bits: int) -> tuple[list[int], int]:
     """Return log2 of the largest remainders that a step may have: a list for the state's
     components, and one number for the derivatives.
     """
@@ -157,7 +157,7 @@ def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
     return allowed, max(-bits, max(log2_magnitude(part.rad()) for part in path.box) - 7)
 
 
-def _order(bits: int, least: int = _MIN_ORDER) -> int:
+def _taylor_order(bits: int, least: int = _MIN_ORDER) -> int:
     """Return a good order for the Taylor series of a step: 0.3 times the precision in bits.
 
     The optimum is flat near this order. The cost grows like the square of the order, and the step's
@@ -166,7 +166,7 @@ def _order(bits: int, least: int = _MIN_ORDER) -> int:
     return max(least, round(0.3 * bits))
 
 
-def _excess(
+def _length_excess(
     remainders: Sequence[Any],
     sizes: Sequence[int],
     allowed: Sequence[int],
@@ -194,7 +194,7 @@ def _excess(
     )
 
 
-def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
+def _estimated_length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     """Estimate the longest step [s], at most 1 s, for which the last two terms of a Taylor series
     stay within bounds.
 
@@ -224,7 +224,7 @@ def searched_test(
     unknown: tuple[int, int],
     middle: Sequence[Any],
     sizes: Sequence[Any],
-    moved: Any,
+    third_deviation: Any,
     centre: tuple[FlightStepSearch, PoincareImage] | None = None,
 ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
@@ -236,11 +236,11 @@ def searched_test(
         unknown: The indices of the two unknown numbers among the three (both coordinates, Omega).
         middle: The box's centre, three exact numbers.
         sizes: The radii of the box for the two unknown numbers.
-        moved: A ball about zero, the deviation of the third number.
+        third_deviation: A ball about zero, the deviation of the third number.
         centre: The search and the flight from the centre, if they have already been computed.
     """
-    way, flight = (FlightStepSearch(), None) if centre is None else centre
-    over = FlightStepSearch()
+    centre_search, flight = (FlightStepSearch(), None) if centre is None else centre
+    box_search = FlightStepSearch()
     preconditioner: list[Sequence[Any]] = []
 
     def inverse(matrix: Matrix) -> Matrix:
@@ -248,12 +248,12 @@ def searched_test(
         return preconditioner
 
     deviations = [arb(0, size) for size in sizes]
-    deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
+    deviations.insert({0, 1, 2}.difference(unknown).pop(), third_deviation)
     fixed = krawczyk_test(
-        setting, section, middle, deviations, unknown, (way, over), inverse, flight
+        setting, section, middle, deviations, unknown, (centre_search, box_search), inverse, flight
     )
-    box = {"radii": sizes, "inverse": preconditioner, "flight": over}
-    return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
+    box = {"radii": sizes, "inverse": preconditioner, "flight": box_search}
+    return fixed, {"middle": [middle[k] for k in unknown], "centre": centre_search, "box": box}
 
 
 def axes_of_balls(moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:

@@ -42,9 +42,9 @@ __all__ = [
 ]
 
 CERTIFICATE_FORMAT = "tippedisk certificate 3"
-#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK_SHAPE`) and evidence.
-#: Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence`` states the
-#: claim, given the numbers with half-widths.
+#: The module of each kind. Its ``SHAPES`` are the members of claim (besides `DISK_SHAPE`) and
+#: evidence. Its ``verify`` raises Unproved unless the evidence proves the claim. Its ``sentence``
+#: states the claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
     kind: module
     for module in (cycle, fold, connection, connection_cycles, family)
@@ -52,21 +52,21 @@ KINDS: dict[str, Any] = {
 }
 
 
-def check(path: str, mapped: family.Mapped = map) -> str:
+def check(path: str, map_arcs: family.ArcMap = map) -> str:
     """Verify the certificate in the file at ``path`` and return its claim as a sentence.
 
     Raises NotACertificate if the file is not a certificate, and Unproved if its evidence does not
-    prove the claim. ``mapped`` verifies the arcs of a family, as in `verify_content`.
+    prove the claim. ``map_arcs`` verifies the arcs of a family, as in `verify_content`.
     """
-    return verify_content(read_json(path), mapped)
+    return verify_content(read_json(path), map_arcs)
 
 
-def verify_content(content: Any, mapped: family.Mapped = map) -> str:
+def verify_content(content: Any, map_arcs: family.ArcMap = map) -> str:
     """Verify the content of a certificate and return its claim as a sentence.
 
     Raises NotACertificate if the content is not a certificate, and Unproved if its evidence does
-    not prove the claim. ``mapped`` may be the map of a pool of processes: a family's arcs take most
-    of the time, and each is verified separately.
+    not prove the claim. ``map_arcs`` may be the map of a pool of processes: a family's arcs take
+    most of the time, and each is verified separately.
     """
     if not isinstance(content, dict) or not isinstance(content.get("claim"), dict):
         raise NotACertificate(
@@ -92,12 +92,13 @@ def verify_content(content: Any, mapped: family.Mapped = map) -> str:
             content["sha256"] == digest(content), "the content does not have its digest, sha256"
         )
         reader = ClaimReader(file["claim"])
-        extra = (mapped,) if KINDS[kind] is family else ()
+        extra = (map_arcs,) if KINDS[kind] is family else ()
         try:
             KINDS[kind].verify(reader, file["evidence"], *extra)
         except (ValueError, IndexError, OverflowError, ZeroDivisionError) as fault:
             raise Unproved(f"the computation with its choices fails: {fault}") from None
-    # The kind has selected the test. Members of `DISK_SHAPE` that a kind narrows were tested on reading.
+    # The kind has selected the test. Members of `DISK_SHAPE` that a kind narrows were tested on
+    # reading.
     untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK_SHAPE.keys())
     require(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])

@@ -19,8 +19,9 @@ z_u measured from the curve of the slow stable manifold.
 (`saddle.show_isolating_block`). At one end of
    I w_u < -delta, at the other end w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle. On this box the
-   inequalities of the cones are shown (`saddle.cones`).
-5. *The arrival box*, the box of the statement, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, contains N. It
+   inequalities of the cones are shown (`saddle.cone_conditions`).
+5. *The arrival box*, the box of the statement, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d,
+contains N. It
    also contains the branch from its first arrival at gamma_bar = pi - c until the flight's end,
    while gamma grows.
 
@@ -46,10 +47,10 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     ManifoldGraph,
     SaddleCoordinates,
     abs_upper,
-    cones,
+    cone_conditions,
     require_positive,
-    show_departure,
     show_isolating_block,
+    show_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
 from tippedisk_verify.proofs.kernel.step import Step
@@ -157,7 +158,7 @@ def verify_connection(
     )
     extents = evidence_source("block", z, arriving)
     delta, box, matrix = show_isolating_block(arriving, extents)
-    w_u, w_f = arriving.straightened(z)
+    w_u, w_f = arriving.offset_from_curve(z)
     require_positive(
         "6.3: arrivals lie in the block",
         *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)),
@@ -168,7 +169,7 @@ def verify_connection(
         saddle.enclosed_coordinates(path.state_set, [*path.state_set.deviation[:3], shift])
         for shift in shifts
     ]
-    first, last = (arriving.straightened(end)[0] for end in ends)
+    first, last = (arriving.offset_from_curve(end)[0] for end in ends)
     rising = _all_positive(-first - delta, last - delta)
     require(rising or _all_positive(first - delta, -last - delta), OPPOSITE_SIDES_REFUSAL)
     offset = saddle.offset(box)
@@ -208,8 +209,8 @@ def _enclose_unstable_branch(
 ) -> tuple[list[Any], list[Any], bool, list[Any]]:
     """Enclose the unstable manifold of the first saddle up to z_u = theta_0, at all speeds.
 
-    ``evidence_source`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
-    cone is not shown.
+    ``evidence_source`` returns the curve with theta_0, and the weights of the cones. Raises
+    Unproved if a cone is not shown.
 
     Returns:
         A box of z at theta_0; an enclosure of d(z, speed)/d(speed) there; True if the disk is
@@ -219,15 +220,15 @@ def _enclose_unstable_branch(
     curve, theta = _manifold_graph(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
     cone = evidence_source("cone", curve, theta, defect)
-    start, whole, matrix = show_departure(curve, theta, cone, defect)
-    by_speed = saddle.field(whole, curve.side)[2]
+    start, whole, matrix = show_unstable_cone(curve, theta, cone, defect)
+    by_speed = saddle.rates_and_derivatives(whole, curve.side)[2]
     _, k_s, k_f = weights = evidence_source("drift", matrix, by_speed)
     require_positive(
-        "6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed)
+        "6.4: the cones at the first saddle", *weights, *cone_conditions(matrix, weights, by_speed)
     )
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
-    rows, slopes = saddle.directions.tolist(), curve.slope_over(arb(0).union(theta))
+    rows, slopes = saddle.directions.tolist(), curve.secant_slopes(arb(0).union(theta))
     directions = [slope + arb(0, abs_upper(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
@@ -302,20 +303,22 @@ def is_unique_connecting_speed(
         saddle: The coordinates z, with the ball of speeds.
         arrival_box: The half-lengths of the box about the second saddle, in (beta, gamma, v).
         G: The enclosed difference of two speeds' arrivals, in z, per rad/s.
-        evidence_source: Called with "apart", and the values on which these weights of a cone may depend.
+        evidence_source: Called with "apart", and the values on which these weights of a cone may
+            depend.
 
     Raises:
         Unproved: If a branch that stays is not shown to converge to the second saddle.
     """
     box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in arrival_box])
-    _, slopes, by_speed = saddle.field(box)
+    _, slopes, by_speed = saddle.rates_and_derivatives(box)
     matrix = arb_mat(slopes)
     require_positive(
-        "6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1)))
+        "6.4: the cones of the box at the second saddle",
+        *cone_conditions(matrix, (arb(1), arb(1), arb(1))),
     )
     weights = evidence_source("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
-    return _all_positive(*weights, *inside, *cones(matrix, weights, by_speed))
+    return _all_positive(*weights, *inside, *cone_conditions(matrix, weights, by_speed))
 
 
 def _converges_along_slow_direction(matrix: Any, z: Sequence[Any]) -> bool:

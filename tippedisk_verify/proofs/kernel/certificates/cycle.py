@@ -52,11 +52,11 @@ __all__ = [
     "COORDINATE_NAMES",
     "KINDS",
     "SHAPES",
+    "box_centre",
     "claimed_names",
     "cycle_numbers",
     "main_numbers",
-    "place",
-    "reversals",
+    "reversals_per_period",
     "sentence",
     "stability",
     "uniqueness_radii",
@@ -90,7 +90,7 @@ def main_numbers(section: PoincareSection) -> tuple[str, ...]:
     )
 
 
-def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+def box_centre(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
     """Return the centre of the box in which a cycle is tested, and the speed's deviation from it.
 
     Args:
@@ -116,10 +116,10 @@ def cycle_numbers(section: PoincareSection, fixed: KrawczykResult) -> dict[str, 
     """
     centre, box, flights = fixed.centre, fixed.box, section.flights_per_period
     (a, b), (c, d) = box.image_by_start
-    trace, shrinking = a + d, box.divergence.exp()
+    trace, contraction = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
     # nothing.
-    larger = (abs(trace) + (trace * trace - 4 * section.symmetry_sign * shrinking).sqrt()) / 2
+    larger = (abs(trace) + (trace * trace - 4 * section.symmetry_sign * contraction).sqrt()) / 2
     sign: Any = 1
     if section != LIBRATING_SECTION and not positive(trace):
         sign = -1 if negative(trace) else arb.nan()
@@ -174,7 +174,7 @@ def uniqueness_radii(fixed: KrawczykResult, radii: Sequence[Any]) -> tuple[Any, 
     return first, second
 
 
-def reversals(section: PoincareSection, fixed: KrawczykResult) -> int:
+def reversals_per_period(section: PoincareSection, fixed: KrawczykResult) -> int:
     """Return the number of sign changes of the sliding velocity in a period of a limit cycle
     (smooth law only).
     """
@@ -202,7 +202,8 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about one limit cycle: repeat the proof with the evidence that it records.
+    """Check a certificate about one limit cycle: repeat the proof with the evidence that it
+    records.
 
     Args:
         claim: The claim, as read from the file.
@@ -212,12 +213,12 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
         Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
-    middle, drift = place(claim, evidence["middle"])
+    middle, speed_deviation = box_centre(claim, evidence["middle"])
 
     def test(name: str, centre: PoincareImage | None = None) -> KrawczykResult:
         box, log = evidence[name], evidence["centre"]
         return replayed_test(
-            claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre
+            claim, section, middle, [*box["radii"], speed_deviation], (0, 1), log, box, name, centre
         )
 
     fixed, widest = test("box"), evidence["box"]["radii"]
@@ -227,16 +228,20 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     require(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
     if FRICTION_LAWS[claim["friction"]].two_sided:
         require(
-            claim.get("reversals") == reversals(section, fixed),
+            claim.get("reversals") == reversals_per_period(section, fixed),
             "claim: the sliding reversals are not shown",
         )
     if "wide box" in evidence:
         widest = evidence["wide box"]["radii"]
         with working_precision(evidence["wide box"]["bits"]):
             test("wide box", fixed.centre)
-    for name, room in zip(COORDINATE_NAMES[section], uniqueness_radii(fixed, widest), strict=True):
+    for name, distance in zip(
+        COORDINATE_NAMES[section], uniqueness_radii(fixed, widest), strict=True
+    ):
         least = ball(claim["unique_within"][name])
-        require(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
+        require(
+            bool(distance >= least > 0), f"claim: it is not shown that no other {name} is so near"
+        )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
@@ -248,7 +253,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
+    section, n, distance = KINDS[claim["kind"]], numbers, claim["unique_within"]
     first, second = COORDINATE_NAMES[section]
     sliding = ""
     if FRICTION_LAWS[claim["friction"]].two_sided:
@@ -264,9 +269,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
             "(pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with "
             f"gamma_bar_0 = {n[first]} rad "
-            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {distance[first]} rad and v "
             f"within "
-            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which "
+            f"{distance[second]} rad/s of it; through it runs {manner}, which S maps to itself, which "
             f"crosses beta = pi/2 "
             f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} "
             f"rad, less than "
@@ -282,9 +287,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         f" at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with "
         f"beta_bar_top = {n[first]} "
-        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {distance[first]} rad and v "
         f"within "
-        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, "
+        f"{distance[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, "
         f"by 2 pi a period, "
         f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet "
         f"multiplier other than "

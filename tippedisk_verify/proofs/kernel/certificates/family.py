@@ -58,18 +58,18 @@ __all__ = [
     "KINDS",
     "SHAPES",
     "STEPS_SHAPE",
+    "ArcJob",
+    "ArcMap",
     "ArcStatus",
-    "Job",
-    "Mapped",
     "Piece",
     "are_joined",
     "curve_fault",
     "enclosed_omega_crit",
     "exact_magnitude_bound",
     "first_unproved_sign",
+    "krawczyk_test_of_box",
     "last_cycle",
     "sentence",
-    "test_arc_box",
     "unique_within",
     "verify",
     "verify_piece",
@@ -95,7 +95,7 @@ CoefficientRows = tuple[
     tuple[Fraction, ...], tuple[Fraction, ...]
 ]  #: coefficients of two polynomials
 #: The disk, the amplitude at which the arc begins, the arc's number, its evidence
-Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
+ArcJob = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
 
 class ArcStatus(Enum):
@@ -176,7 +176,7 @@ def exact_magnitude_bound(x: Any) -> Fraction:
     return abs(middle) + radius
 
 
-def test_arc_box(
+def krawczyk_test_of_box(
     disk: Mapping[str, str],
     low: Fraction,
     arc: Mapping[str, Any],
@@ -231,7 +231,7 @@ def first_unproved_sign(arc: Arc) -> ArcStatus | None:
     return None if arc.beta_max_grows() else ArcStatus.BETA_MAX_NOT_GROWING
 
 
-def verify_piece(job: Job) -> Piece:
+def verify_piece(job: ArcJob) -> Piece:
     """Check one arc in a certificate about the family of limit cycles, and return the piece that it
     proves.
 
@@ -247,7 +247,9 @@ def verify_piece(job: Job) -> Piece:
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
-                tests.append(test_arc_box(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
+                tests.append(
+                    krawczyk_test_of_box(disk, low, arc, radii, CurveReplay(arc[name]["steps"]))
+                )
                 require(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else first_unproved_sign(tests[0])
                 require(refusal is None, refusal.value if refusal else "")
@@ -271,7 +273,7 @@ def verify_piece(job: Job) -> Piece:
 
 
 #: `map`, or that of a pool of processes
-Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
+ArcMap = Callable[[Callable[[ArcJob], Piece], Sequence[ArcJob]], Iterable[Piece]]
 
 
 def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
@@ -282,10 +284,10 @@ def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
-    return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
+    return _cycle_lies_in(first, second, amplitude) or _cycle_lies_in(second, first, amplitude)
 
 
-def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
+def _cycle_lies_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """Return True if the first piece's cycle at this amplitude is certainly the second piece's
     cycle: its enclosure lies in the second piece's box of uniqueness.
     """
@@ -296,7 +298,7 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
         second.scaled_to(amplitude, second.unique_within),
         strict=True,
     )
-    return all(abs(mine - theirs) + near <= room for mine, near, theirs, room in parts)
+    return all(abs(mine - theirs) + near <= distance for mine, near, theirs, distance in parts)
 
 
 def enclosed_omega_crit(disk: Mapping[str, str]) -> Any:
@@ -331,12 +333,12 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
     [1/s] on the first piece, one in v_0 [rad/s] on all later pieces, and one in Omega [rad/s] on
     all pieces.
     """
-    rooms = [
-        [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)]
+    distances = [
+        [distance - near for distance, near in zip(piece.unique_within, piece.within, strict=True)]
         for piece in pieces
     ]
-    later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
-    return rooms[0][0], min(later), min(room[1] for room in rooms)
+    later = [distance[0] for distance in distances[1:]] or [distances[0][0]]
+    return distances[0][0], min(later), min(distance[1] for distance in distances)
 
 
 def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
@@ -352,8 +354,8 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
 def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the formats of the claim and of the evidence in a certificate about the family.
 
-    `reading.parsed` checks a file against them. If ``whole``, the family reaches up to the
-    connection, and both formats have further members for it.
+    `certificate_format.read_shape` checks a file against them. If ``whole``, the family reaches up
+    to the connection, and both formats have further members for it.
     """
     claim = {
         "friction": one_of("linear"),
@@ -374,16 +376,16 @@ def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
 SHAPES = {kind: _family_shape(whole) for kind, whole in KINDS.items()}
 
 
-def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcMap = map) -> None:
     """Check a certificate about the family of limit cycles. Raise Unproved unless its evidence
     proves its claim.
 
-    ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
+    ``map_arcs`` applies `verify_piece` to the arcs, which are independent of each other.
     """
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
-    pieces = list(mapped(verify_piece, jobs))
+    pieces = list(map_arcs(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
     require(not fault, fault)
     for name, amplitude in (
@@ -400,14 +402,19 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
         "claim: omega_end is not shown to lie above the last cycle's speed",
     )
     require_within_claim(claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit")
-    for name, room in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
+    for name, distance in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
         require(
-            room >= Fraction(claim["unique_within"][name]) > 0,
+            distance >= Fraction(claim["unique_within"][name]) > 0,
             f"claim: it is not shown that no other {name} is so near",
         )
     if KINDS[claim["kind"]]:
-        meets = connection_cycles.verify(claim, evidence["end"]).meets(*last_cycle(pieces))
-        require(meets, "the last arc is not shown to run into the cycles next to the connection")
+        contains_cycle = connection_cycles.verify(claim, evidence["end"]).contains_cycle(
+            *last_cycle(pieces)
+        )
+        require(
+            contains_cycle,
+            "the last arc is not shown to run into the cycles next to the connection",
+        )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
@@ -419,7 +426,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    last, room, whole = (
+    last, distance, whole = (
         f"{claim['amplitude_end']} rad",
         claim["unique_within"],
         KINDS[claim["kind"]],
@@ -472,9 +479,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         "pi/2| < pi/2 between, "
         f"and then by S. For no a with 0 < a <= {last} there is another (v, Omega), v < 0, for "
         f"which P has the fixed "
-        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {room['omega']} rad/s and, where a "
+        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {distance['omega']} rad/s and, where a "
         f"<= "
-        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {room['v_0_per_gamma_bar_0']} a/s, where "
+        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {distance['v_0_per_gamma_bar_0']} a/s, where "
         f"a is larger, |v - "
-        f"v_0(a)| <= {room['v_0']} rad/s.{beyond}"
+        f"v_0(a)| <= {distance['v_0']} rad/s.{beyond}"
     )

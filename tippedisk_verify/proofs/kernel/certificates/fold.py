@@ -34,14 +34,14 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 
 __all__ = [
     "KINDS",
-    "POINTS",
     "SHAPES",
+    "TEST_NAMES",
     "arc_balls",
     "claimed_names",
     "extremum",
     "require_extremum",
     "sentence",
-    "slope",
+    "speed_slope",
     "verify",
 ]
 
@@ -49,7 +49,11 @@ KINDS = {
     "fold of limit cycles": LIBRATING_SECTION,
     "fold of rotating limit cycles": ROTATING_SECTION,
 }
-POINTS = ("arc", "lower end", "upper end")  #: the three tests: over the whole arc, and at its ends
+TEST_NAMES = (
+    "arc",
+    "lower end",
+    "upper end",
+)  #: the three tests: over the whole arc, and at its ends
 EXTREMA = ("smallest", "largest")
 
 
@@ -57,16 +61,20 @@ def claimed_names(section: PoincareSection) -> tuple[str, ...]:
     return "omega", *COORDINATE_NAMES[section], "period"
 
 
-def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
+def arc_balls(midpoint: Fraction, half_width: Fraction) -> tuple[Any, Any, Any]:
     """Return three balls of p, the first coordinate on the section: over a whole arc of cycles, at
     its lower and at its upper end.
 
     The arc contains all p with |p - place| <= half.
     """
-    return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
+    return (
+        ball(midpoint) + arb(0, ball(half_width).upper()),
+        ball(midpoint - half_width),
+        ball(midpoint + half_width),
+    )
 
 
-def slope(fixed: KrawczykResult) -> Any:
+def speed_slope(fixed: KrawczykResult) -> Any:
     """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
     p is the first coordinate on the section, and Omega the speed of the cycle through it.
@@ -98,11 +106,11 @@ def require_extremum(
     Args:
         claim: The claim of a fold, with its numbers and the kind of extremum.
         section: The section of the cycles.
-        points: The results of the passed tests, in the order of `POINTS`.
+        points: The results of the passed tests, in the order of `TEST_NAMES`.
         radii: The radii of the arc's box, in v and Omega.
     """
     whole, numbers = points[0], claim["numbers"]
-    for point, name in zip(points[1:], POINTS[1:], strict=True):
+    for point, name in zip(points[1:], TEST_NAMES[1:], strict=True):
         # The arc's box holds one cycle only.
         deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
         require(
@@ -110,13 +118,13 @@ def require_extremum(
             f"{name}: the cycle is not shown to be the arc's",
         )
     require(
-        extremum(*map(slope, points[1:])) == claim["extremum"],
+        extremum(*map(speed_slope, points[1:])) == claim["extremum"],
         "claim: the speed has no such extremum",
     )
     require(
         negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1"
     )
-    for name, x, middle, room in zip(
+    for name, x, middle, box_radius in zip(
         (COORDINATE_NAMES[section][1], "omega"),
         whole.image[1:],
         whole.middle[1:],
@@ -127,7 +135,10 @@ def require_extremum(
         # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
         # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
-        require(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
+        require(
+            inside(printed, box_radius),
+            f"claim: {name} reaches beyond the box that holds one cycle",
+        )
     require_within_claim(numbers["period"], section.flights_per_period * whole.box.time, "period")
 
 
@@ -139,7 +150,7 @@ SHAPES = {
             "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "extremum": one_of(*EXTREMA),
         },
-        dict.fromkeys(POINTS, _TEST_SHAPE),
+        dict.fromkeys(TEST_NAMES, _TEST_SHAPE),
     )
     for kind, section in KINDS.items()
 }
@@ -157,10 +168,10 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     """
     section = KINDS[claim["kind"]]
     arc = claim["numbers"][COORDINATE_NAMES[section][0]]
-    place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
-    require(half > 0, f"claim: {COORDINATE_NAMES[section][0]} is not an interval")
+    midpoint, half_width = Fraction(arc["value"]), Fraction(arc["uncertainty"])
+    require(half_width > 0, f"claim: {COORDINATE_NAMES[section][0]} is not an interval")
     points = []
-    for name, p in zip(POINTS, arc_balls(place, half), strict=True):
+    for name, p in zip(TEST_NAMES, arc_balls(midpoint, half_width), strict=True):
         point = evidence[name]
         middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
         log, box = point["centre"], point["box"]

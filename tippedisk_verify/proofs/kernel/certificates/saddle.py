@@ -38,7 +38,7 @@ Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta
 Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
 cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
 the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
-Its point there has |w_i| <= k_i theta_0 (`show_departure`).
+Its point there has |w_i| <= k_i theta_0 (`show_unstable_cone`).
 
 Isolating block (6.3)
 ---------------------
@@ -104,26 +104,26 @@ __all__ = [
     "ManifoldGraph",
     "SaddleCoordinates",
     "abs_upper",
-    "cones",
+    "cone_conditions",
     "hull_of_ball_array",
     "off_diagonal_sums",
-    "products",
     "require_positive",
-    "show_departure",
     "show_isolating_block",
+    "show_unstable_cone",
+    "wedge_product",
 ]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
-def require_positive(what: str, *slacks: Any) -> None:
+def require_positive(statement: str, *slacks: Any) -> None:
     """Raise Unproved unless all numbers in the given balls are positive.
 
-    ``slacks`` are the balls. The message is ``what`` with the ball that fails. ``what`` begins with
-    the number of the part of the proof in docs/certified_connection.md.
+    ``slacks`` are the balls. The message is ``statement`` with the ball that fails. ``statement``
+    begins with the number of the part of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
-        require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
+        require(bool(positive(slack)), f"{statement}: {slack.str(4)} is not shown to be positive")
 
 
 def abs_upper(x: Any) -> Any:
@@ -138,7 +138,9 @@ def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
     ]
 
 
-def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
+def cone_conditions(
+    matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)
+) -> list[Any]:
     """Return three balls. If all of them are positive, differences of orbits obey the cone
     conditions.
 
@@ -173,7 +175,7 @@ def hull_of_ball_array(x: BallArray) -> Any:
     return arb(float(low)).union(arb(float(high)))
 
 
-def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
+def wedge_product(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     """Return the list of x_i y_j - x_j y_i for the pairs (i, j) = us, uf, sf of coordinates.
 
     u, s and f are the components along the unstable, slow stable and fast stable direction.
@@ -236,12 +238,13 @@ class SaddleCoordinates:
         """
         return matrix_times_vector(self.inverse.tolist(), offset)
 
-    def arrived(self, state: Sequence[Any]) -> list[Any]:
+    def second_saddle_coordinates(self, state: Sequence[Any]) -> list[Any]:
         """Convert a state (beta_bar, gamma_bar, v) to the coordinates z about the second saddle."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
-    def law(self, side: int | None) -> Any:
-        """Return the field F in the coordinates z, as the ``law`` that `proved_flow.Model` expects.
+    def vector_field_maker(self, side: int | None) -> Any:
+        """Return the field F in the coordinates z, as the ``make_vector_field`` that
+        `proved_flow.Model` expects.
 
         ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
         itself.
@@ -265,7 +268,7 @@ class SaddleCoordinates:
 
         ``side`` is the sign of gamma_y whose analytic law is meant; None is the law itself.
         """
-        return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
+        return list(self.vector_field_maker(side)(BallOps, self.constants, self.omega)(*z))
 
     @property
     def two_sided(self) -> bool:
@@ -275,9 +278,11 @@ class SaddleCoordinates:
     @cached_property
     def _models(self) -> dict[int | None, Model]:
         sides = (1, -1) if self.two_sided else (None,)
-        return {side: Model(self.constants, self.omega, self.law(side)) for side in sides}
+        return {
+            side: Model(self.constants, self.omega, self.vector_field_maker(side)) for side in sides
+        }
 
-    def field(
+    def rates_and_derivatives(
         self, z: Sequence[Any], side: int | None = None
     ) -> tuple[list[Any], list[list[Any]], list[Any]]:
         """Enclose the field F, its derivative DF and its derivative B by the speed over a box of z.
@@ -348,16 +353,16 @@ class SaddleCoordinates:
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
         the start and the speed, only the states of these deviations are enclosed.
         """
-        lead, axes = map(self.columns, (state_set.linear_part, state_set.axes))
+        lead, axes = map(self.columns_in_coordinates, (state_set.linear_part, state_set.axes))
         d = state_set.deviation if deviation is None else deviation
         return [
             middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, state_set.remainder))
             for middle, by_start, by_axes in zip(
-                self.arrived(state_set.middle), lead, axes, strict=True
+                self.second_saddle_coordinates(state_set.middle), lead, axes, strict=True
             )
         ]
 
-    def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    def columns_in_coordinates(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
         """Convert the columns of a matrix, offsets from the saddle, to coordinates z. Return P^-1
         times the matrix.
         """
@@ -388,7 +393,7 @@ class ManifoldGraph:
         )
         require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
-    def at(self, theta: Any) -> list[Any]:
+    def values(self, theta: Any) -> list[Any]:
         """Return W(theta): the other two coordinates of the curve's point with the coordinate
         theta.
 
@@ -416,20 +421,20 @@ class ManifoldGraph:
         Its components are in the order u, s, f: unstable, slow stable and fast stable direction.
         """
         z = [theta] * 3
-        for other, value, off in zip(self.others, self.at(theta), w, strict=True):
+        for other, value, off in zip(self.others, self.values(theta), w, strict=True):
             z[other] = value + off
         return z
 
-    def straightened(self, z: Sequence[Any]) -> list[Any]:
+    def offset_from_curve(self, z: Sequence[Any]) -> list[Any]:
         """Return the offset w of a point z from the curve, in the two coordinates other
         than theta.
         """
         return [
             z[other] - value
-            for other, value in zip(self.others, self.at(z[self.along]), strict=True)
+            for other, value in zip(self.others, self.values(z[self.along]), strict=True)
         ]
 
-    def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
+    def transverse_jacobian(self, matrix: Any, theta: Any) -> list[list[Any]]:
         """Return the 2 x 2 matrix J by which the offset w of an orbit from the curve moves: w' = D
         + J w.
 
@@ -441,13 +446,13 @@ class ManifoldGraph:
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
-    def slope_over(self, theta: Any) -> list[Any]:
+    def secant_slopes(self, theta: Any) -> list[Any]:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
         return [evaluate_polynomial(row[1:], theta) for row in self.graph]
 
-    def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
+    def require_side(self, reach: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
 
         The cone consists of |w_i| <= cone_i theta, 0 < theta <= reach, where w is the offset from
@@ -457,7 +462,7 @@ class ManifoldGraph:
             return
         span = arb(0).union(reach)
         z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
-        for other, steep, k in zip(self.others, self.slope_over(span), cone, strict=True):
+        for other, steep, k in zip(self.others, self.secant_slopes(span), cone, strict=True):
             direction[other] = steep + arb(0, abs_upper(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
@@ -470,9 +475,9 @@ class ManifoldGraph:
         """
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
-            flow = self.saddle.rates(self.point(variable), self.side)
+            rates = self.saddle.rates(self.point(variable), self.side)
             pairs = zip(self.others, self.slopes(variable), strict=True)
-            return [flow[other] - slope * flow[self.along] for other, slope in pairs]
+            return [rates[other] - slope * rates[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
         """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
@@ -499,7 +504,7 @@ class ManifoldGraph:
         return bounds
 
 
-def show_departure(
+def show_unstable_cone(
     curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
 ) -> tuple[list[Any], list[Any], Any]:
     """Show that the unstable manifold stays in a cone about the curve up to z_u = theta > 0 (6.1).
@@ -521,8 +526,8 @@ def show_departure(
     span = arb(0).union(theta)
     within = [arb(0, abs_upper(k * theta)) for k in cone]
     whole = curve.point(span, within)
-    matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
-    rows, steep = curve.across(matrix, span), curve.slope_over(span)
+    matrix = arb_mat(curve.saddle.rates_and_derivatives(whole, curve.side)[1])
+    rows, steep = curve.transverse_jacobian(matrix, span), curve.secant_slopes(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
         (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),
@@ -532,7 +537,7 @@ def show_departure(
     for i, j in ((0, 1), (1, 0)):
         inwards = cone[i] * (growth - rows[i][i]) - abs(rows[i][j]) * cone[j] - defect[i]
         require_positive("6.1: the cone of the unstable manifold", inwards)
-    curve.keeps_side(theta, cone)
+    curve.require_side(theta, cone)
     return curve.point(theta, within), whole, matrix
 
 
@@ -553,11 +558,11 @@ def show_isolating_block(
     require_positive("6.3: the isolating block", s, u, t)
     span = arb(0, abs_upper(s))
     box = curve.point(span, (arb(0, abs_upper(u)), arb(0, abs_upper(t))))
-    matrix = arb_mat(curve.saddle.field(box)[1])
-    (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
+    matrix = arb_mat(curve.saddle.rates_and_derivatives(box)[1])
+    (outwards, from_f), (from_u, inwards) = curve.transverse_jacobian(matrix, span)
     defect = [d * s for d in curve.relative_defect(s)]
     require_positive("6.3: the isolating block", outwards)
-    curve.keeps_side(s, (arb(0), arb(0)))
+    curve.require_side(s, (arb(0), arb(0)))
     delta = abs_upper((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
     require_positive(
         "6.3: the faces of the isolating block",
