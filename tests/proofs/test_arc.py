@@ -231,7 +231,7 @@ def test_the_amplitude_as_the_parameter() -> None:
         )
         for jet, off, value in zip(
             (found.curve.v, found.curve.omega),
-            found.within,
+            found.shift,
             (truth["v_0"].value, OMEGA + Fraction(RADIUS)),
             strict=True,
         ):

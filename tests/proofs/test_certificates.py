@@ -26,9 +26,9 @@ from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import certificates, krawczyk, sliding
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    dyadic,
     dyadic_text,
-    require_within_claim,
+    read_dyadic,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.certificates import verify_content
 from tippedisk_verify.proofs.kernel.taylor_recurrences import System
@@ -161,7 +161,7 @@ def times(number: str, power: int) -> str:
 
 def further(number: str) -> str:
     with working_precision(2000):
-        return dyadic_text(dyadic(number) + dyadic("1p-16"))
+        return dyadic_text(read_dyadic(number) + read_dyadic("1p-16"))
 
 
 def _beyond(number: dict[str, str]) -> dict[str, str]:
@@ -396,9 +396,11 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
         for n in range(3, 200, 2):
             x = arb(1) / n
             middle, half = midpoint_and_radius(x)
-            require_within_claim({"value": str(middle), "uncertainty": str(half)}, x, "a number")
+            require_claimed_enclosure(
+                {"value": str(middle), "uncertainty": str(half)}, x, "a number"
+            )
             with pytest.raises(certificates.Unproved):
-                require_within_claim(
+                require_claimed_enclosure(
                     {"value": str(middle), "uncertainty": str(half / 2)}, x, "a number"
                 )
 

@@ -21,7 +21,7 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.certificate_format import dyadic
+from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic
 from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, verify_content
 from tippedisk_verify.proofs.kernel.certificates.connection import _enclose_unstable_branch
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
@@ -115,7 +115,7 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one(text: st
     content = json.loads(text)
     claim, evidence = content["claim"], content["evidence"]
     with working_precision(content["bits"]):
-        P = [[dyadic(entry) for entry in row] for row in evidence["directions"]]
+        P = [[read_dyadic(entry) for entry in row] for row in evidence["directions"]]
         mixed = [[(2 * row[1] - row[0]).mid(), *row[1:]] for row in P]
         assert P[1][0] > 0
         assert mixed[1][0] > 0

@@ -214,7 +214,7 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     said: list[Any] = []
 
     class Test:
-        included, within = True, (ball("1e-3"), ball("2e-3"))
+        included, shift = True, (ball("1e-3"), ball("2e-3"))
 
     def spied_test(
         disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], step_proposer: Any

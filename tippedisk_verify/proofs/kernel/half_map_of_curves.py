@@ -85,7 +85,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     truncated_for_derivatives,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import as_float
+from tippedisk_verify.proofs.kernel.certificate_format import nearby_double
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric_hull
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
@@ -197,13 +197,13 @@ class CurveReplay:
             self.number < len(self.log), "the return is not reached: there are no further steps"
         )
         self.number += 1
-        share = as_float(self.log[self.number - 1]["share"])
+        share = nearby_double(self.log[self.number - 1]["share"])
         return StepTrial(path, SERIES_ORDERS).tested_step((path.duration * share).mid())
 
     def new_axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
         require("axes" in log, "the axes after it are missing")
-        return [[arb(as_float(part)) for part in row] for row in log["axes"]]
+        return [[arb(nearby_double(part)) for part in row] for row in log["axes"]]
 
     def record_step(self, step: Step, axes: Matrix | None) -> None:
         require(
@@ -376,7 +376,7 @@ class Arc:
     included: bool
     curve: Curve  #: m(s) and r
     flight: HalfMapEnclosure
-    within: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
+    shift: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
     slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
     determinant: Jet  #: of d(equations)/d(unknowns)
 
@@ -459,7 +459,7 @@ def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any)
     preconditioner = midpoint_inverse(by_unknowns)
     degree = preconditioner[0][0].degree
     value = [entry.truncated(degree) for entry in value]
-    within, included = [], True
+    shift, included = [], True
     for i in range(2):
         image = -(preconditioner[i][0] * value[0] + preconditioner[i][1] * value[1]).range()
         for j in range(2):
@@ -467,11 +467,11 @@ def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any)
                 preconditioner[i][0] * by_unknowns[0][j] + preconditioner[i][1] * by_unknowns[1][j]
             )
             image = image + rest.range() * radii[j]
-        within.append(image)
+        shift.append(image)
         included = included and bool(inside(image, radii[i]))
     (a, b), (c, d) = by_unknowns
     slopes = [
         -(row[0] * jacobian[0][0] + row[1] * jacobian[1][0])
         for row in inverse_of_order_2(by_unknowns)
     ]
-    return Arc(included, curve, flight, within, slopes, a * d - b * c)
+    return Arc(included, curve, flight, shift, slopes, a * d - b * c)

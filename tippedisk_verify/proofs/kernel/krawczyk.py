@@ -25,7 +25,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, require
-from tippedisk_verify.proofs.kernel.certificate_format import dyadic, order, radius
+from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic, read_order, read_radius
 from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareImage,
     PoincareSection,
@@ -183,17 +183,17 @@ def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
     """Return a step's length [s] and its two orders, read from a certificate."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError("a length and two orders are needed")
-    point = dyadic(value[0])
+    point = read_dyadic(value[0])
     length = float(point)
     if not arb(length) == point:
         raise ValueError("a length has at most 53 bits")
-    return length, (order(value[1]), order(value[2]))
+    return length, (read_order(value[1]), read_order(value[2]))
 
 
-FLIGHT_SHAPE = [{"steps": [_read_step, None], "axes": [[dyadic, 3], 3]}, None]
+FLIGHT_SHAPE = [{"steps": [_read_step, None], "axes": [[read_dyadic, 3], 3]}, None]
 BOX_SHAPE = {
-    "radii": [radius, 2],
-    "inverse": [[dyadic, 2], 2],
+    "radii": [read_radius, 2],
+    "inverse": [[read_dyadic, 2], 2],
     "flight": FLIGHT_SHAPE,
 }  #: of a Krawczyk test
 

@@ -28,7 +28,12 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.step import Step, log2_magnitude
-from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, Node, System, with_derivatives
+from tippedisk_verify.proofs.kernel.taylor_recurrences import (
+    Graph,
+    Node,
+    System,
+    systems_with_derivatives,
+)
 from tippedisk_verify.proofs.kernel.vector_field import VectorFieldMaker, vector_field
 
 __all__ = ["FlowStatus", "Model", "Path", "StepProposer", "rounded_down_to_20_bits"]
@@ -129,7 +134,7 @@ class Model:
         #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega and
         #: the further numbers (3 each); ``variational_system_with_divergence`` adds the
         #: divergence's integral
-        self.variational_system, self.variational_system_with_divergence = with_derivatives(
+        self.variational_system, self.variational_system_with_divergence = systems_with_derivatives(
             graph, variables, numbers, rates
         )
 

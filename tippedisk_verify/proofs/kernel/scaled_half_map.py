@@ -65,48 +65,52 @@ class _ScaledNumber:
     """A number in the equations of motion scaled by the amplitude a: it stands for a x if ``odd``,
     else for x.
 
-    ``square`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
+    ``amplitude_squared`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
     """
 
-    __slots__ = ("odd", "square", "x")
+    __slots__ = ("amplitude_squared", "odd", "x")
 
-    def __init__(self, x: Any, square: Any, *, odd: bool = False) -> None:
-        self.x, self.square, self.odd = x, square, odd
+    def __init__(self, x: Any, amplitude_squared: Any, *, odd: bool = False) -> None:
+        self.x, self.amplitude_squared, self.odd = x, amplitude_squared, odd
 
-    def _other(self, other: Any) -> _ScaledNumber:
-        return other if isinstance(other, _ScaledNumber) else _ScaledNumber(other, self.square)
+    def _as_scaled(self, other: Any) -> _ScaledNumber:
+        return (
+            other
+            if isinstance(other, _ScaledNumber)
+            else _ScaledNumber(other, self.amplitude_squared)
+        )
 
     def __add__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         if other.odd is not self.odd:
             raise ArithmeticError("an odd and an even quantity were added: the field is not odd")
-        return _ScaledNumber(self.x + other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x + other.x, self.amplitude_squared, odd=self.odd)
 
     def __sub__(self, other: Any) -> _ScaledNumber:
-        return self + -self._other(other)
+        return self + -self._as_scaled(other)
 
     def __neg__(self) -> _ScaledNumber:
-        return _ScaledNumber(-self.x, self.square, odd=self.odd)
+        return _ScaledNumber(-self.x, self.amplitude_squared, odd=self.odd)
 
     def __mul__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         product = self.x * other.x
         both_odd = self.odd and other.odd
         return _ScaledNumber(
-            product * self.square if both_odd else product,
-            self.square,
+            product * self.amplitude_squared if both_odd else product,
+            self.amplitude_squared,
             odd=self.odd is not other.odd,
         )
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         if other.odd:
             raise ArithmeticError(
                 "a quotient by an odd quantity is not analytic in the square of the amplitude"
             )
-        return _ScaledNumber(self.x / other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x / other.x, self.amplitude_squared, odd=self.odd)
 
 
 class _ScaledOps:
@@ -116,36 +120,36 @@ class _ScaledOps:
 
     @staticmethod
     def sin(angle: _ScaledNumber) -> _ScaledNumber:
-        return _ScaledNumber(_sine_and_cosine(angle)[0], angle.square, odd=True)
+        return _ScaledNumber(_sine_and_cosine(angle)[0], angle.amplitude_squared, odd=True)
 
     @staticmethod
     def cos(angle: _ScaledNumber) -> _ScaledNumber:
-        return _ScaledNumber(_sine_and_cosine(angle)[1], angle.square)
+        return _ScaledNumber(_sine_and_cosine(angle)[1], angle.amplitude_squared)
 
 
 def _sine_and_cosine(angle: _ScaledNumber) -> tuple[Any, Any]:
     if not angle.odd:
         raise ArithmeticError("an angle must be an odd quantity")
     if isinstance(angle.x, Node):
-        sine = angle.x.graph.scaled_sine(angle.x, angle.square)
+        sine = angle.x.graph.scaled_sine(angle.x, angle.amplitude_squared)
         return sine, sine.partner
-    return scaled_sine(angle.x, angle.square)[:2]
+    return scaled_sine(angle.x, angle.amplitude_squared)[:2]
 
 
 class ScaledModel(Model):
     """The equations of motion of a state (b, g, w) that is scaled by its amplitude a.
 
-    The state is (beta_bar, gamma_bar, v) / a, and ``square`` is q = a^2. ``omega`` is in rad/s.
-    Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and the
-    divergence is d(w')/d(w).
+    The state is (beta_bar, gamma_bar, v) / a, and ``amplitude_squared`` is q = a^2. ``omega`` is in
+    rad/s. Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and
+    the divergence is d(w')/d(w).
     """
 
-    def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
-        super().__init__(constants, omega, scaled_vector_field, (square,))
+    def __init__(self, constants: FieldConstants, omega: Any, amplitude_squared: Any) -> None:
+        super().__init__(constants, omega, scaled_vector_field, (amplitude_squared,))
 
 
 def scaled_vector_field(
-    ops: Any, constants: FieldConstants, omega: Any, square: Any
+    ops: Any, constants: FieldConstants, omega: Any, amplitude_squared: Any
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the vector field of the scaled motion: a function from (b, g, w) to (b', g', w').
 
@@ -153,16 +157,16 @@ def scaled_vector_field(
         ops: Not used: `_ScaledOps` finds the sine and cosine of each kind of number.
         constants: The disk's constants.
         omega: The speed [rad/s].
-        square: q = a^2, in the arithmetic of the other numbers.
+        amplitude_squared: q = a^2, in the arithmetic of the other numbers.
 
     Raises:
         ArithmeticError: If a rate is not odd.
     """
-    even = FieldConstants(*(_ScaledNumber(value, square) for value in constants))
+    even = FieldConstants(*(_ScaledNumber(value, amplitude_squared) for value in constants))
 
     def rates(*state: Any) -> tuple[Any, Any, Any]:
-        odd = (_ScaledNumber(part, square, odd=True) for part in state)
-        b, g, w = vector_field(_ScaledOps, even, _ScaledNumber(omega, square))(*odd)
+        odd = (_ScaledNumber(part, amplitude_squared, odd=True) for part in state)
+        b, g, w = vector_field(_ScaledOps, even, _ScaledNumber(omega, amplitude_squared))(*odd)
         if not (b.odd and g.odd and w.odd):
             raise ArithmeticError("a rate is not odd")
         return b.x, g.x, w.x
@@ -193,11 +197,13 @@ class ScaledCurve(Curve):
 
     def trace(self, matrix: Matrix) -> Jet:
         degree = matrix[0][0].degree
-        fixed, square = (
+        fixed, amplitude_squared = (
             (self.v + self.deviation[1]).truncated(degree),
             self.gamma_bar.truncated(degree),
         )
-        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
+        trace: Jet = (
+            1 - fixed * matrix[0][1] + 2 * (amplitude_squared * matrix[0][0]) + matrix[1][1]
+        )
         return trace
 
     def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:

@@ -5,7 +5,7 @@ records its elementary operations. Each operation has a recurrence for the Taylo
 its result (Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a
 product it is a convolution; sine and cosine follow from each other. Partial derivatives are
 recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations need no
-transcription (`with_derivatives`).
+transcription (`systems_with_derivatives`).
 
 Besides sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2
 (`Graph.scaled_sine`). Along an orbit, without a division by a,
@@ -31,7 +31,7 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.jets import scaled_sine
 
-__all__ = ["Graph", "Node", "System", "with_derivatives"]
+__all__ = ["Graph", "Node", "System", "systems_with_derivatives"]
 
 
 _SINE_AND_COSINE = ("sin", "cos")
@@ -179,7 +179,7 @@ class Graph:
         return [self.number(adjoints.get(node, 0)) for node in inputs]
 
 
-def with_derivatives(
+def systems_with_derivatives(
     graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
 ) -> tuple[System, System]:
     """Return two systems of equations for the states and their derivatives, without and with the

@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 from tippedisk_verify.proofs.kernel.balls import ball, require
 
 __all__ = [
-    "UNITS",
+    "PARAMETER_UNITS",
     "FieldConstants",
     "VectorFieldMaker",
     "field_constants",
@@ -41,7 +41,7 @@ __all__ = [
 VectorFieldMaker = Callable[..., Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: The units of a disk's eight numbers, in the order in which sentences name them
-UNITS = {
+PARAMETER_UNITS = {
     "r": " m",
     "e": " m",
     "m": " kg",
@@ -72,7 +72,7 @@ def field_constants(disk: Mapping[str, str]) -> FieldConstants:
 
     Raises Unproved if no disk has these numbers.
     """
-    r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
+    r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in PARAMETER_UNITS)
     require(
         0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0,
         "no disk has these parameters",

@@ -326,13 +326,13 @@ def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> P
             arc = test(sizes, proposer)
         except Unproved:
             raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
-        if not all(off.is_finite() for off in arc.within):
+        if not all(off.is_finite() for off in arc.shift):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
             rounded_up_to_two_digits(
                 max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30))
             )
-            for off in arc.within
+            for off in arc.shift
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))

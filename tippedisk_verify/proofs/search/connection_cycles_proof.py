@@ -36,7 +36,7 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     verify_cycles,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
-from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
+from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, eigenvectors
 from tippedisk_verify.proofs.search.proof import (
@@ -284,12 +284,13 @@ class _CyclesSearch(EvidenceSearch):
 
     def weights(self, passage: SaddlePassage) -> dict[str, Any]:
         flat, lipschitz = (
-            abs_upper((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
+            magnitude_bound((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
             for matrix in (passage.M, passage.A)
         )
         c = passage.C
         bound_matrix = [
-            [c[i, j].upper() if i == j else abs_upper(c[i, j]) for j in range(3)] for i in range(3)
+            [c[i, j].upper() if i == j else magnitude_bound(c[i, j]) for j in range(3)]
+            for i in range(3)
         ]
         drift = arb_mat(bound_matrix).solve(
             arb_mat([[-part * _SAFETY_FACTOR] for part in passage.speed_wedge_bounds])
@@ -297,7 +298,7 @@ class _CyclesSearch(EvidenceSearch):
         return {
             "steep": [ball(weight).mid() for weight in _STEEP_WEIGHTS],
             "compound": [ball(weight).mid() for weight in _COMPOUND_WEIGHTS],
-            "drift": [abs_upper(x).mid() for x in drift.entries()],
+            "drift": [magnitude_bound(x).mid() for x in drift.entries()],
             "flat": flat,
             "lipschitz": lipschitz,
             "thin": ball(_THIN_SLOPE),

@@ -53,7 +53,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    abs_upper,
+    magnitude_bound,
     off_diagonal_sums,
     show_unstable_cone,
 )
@@ -333,12 +333,14 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
     diagonal entry. The kernel tests them with `cone_conditions`.
     """
-    weights = [abs_upper(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
+    weights = [
+        magnitude_bound(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)
+    ]
     for _ in range(_MAX_DOUBLINGS):
         rest = [
             x + abs(b) for x, b in zip(off_diagonal_sums(matrix, weights), by_speed, strict=True)
         ]
-        weights = [abs_upper(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
+        weights = [magnitude_bound(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
     return weights
 
 
@@ -439,10 +441,10 @@ class _ConnectionSearch(EvidenceSearch):
 
     def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]
-        least = max(map(abs_upper, defect), key=float)
+        least = max(map(magnitude_bound, defect), key=float)
         for doubling in range(_MAX_DOUBLINGS):
             k = [
-                abs_upper(2**doubling * 2 * (part + least / 16) / room).mid()
+                magnitude_bound(2**doubling * 2 * (part + least / 16) / room).mid()
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
@@ -469,7 +471,7 @@ class _ConnectionSearch(EvidenceSearch):
         )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
-        s, u, t = map(abs_upper, (z[SLOW], *curve.offset_from_curve(z)))
+        s, u, t = map(magnitude_bound, (z[SLOW], *curve.offset_from_curve(z)))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
         # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
@@ -500,7 +502,11 @@ class _ConnectionSearch(EvidenceSearch):
         return arrival_box
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
-        weights = [abs(G[UNSTABLE]).lower() * 7 / 8, abs_upper(G[SLOW]) * 2, abs_upper(G[FAST]) * 2]
+        weights = [
+            abs(G[UNSTABLE]).lower() * 7 / 8,
+            magnitude_bound(G[SLOW]) * 2,
+            magnitude_bound(G[FAST]) * 2,
+        ]
         # A weight may be larger than the difference needs; much smaller ones than the others'
         # coupling are not proved.
         least = smallest_weights(matrix, by_speed)

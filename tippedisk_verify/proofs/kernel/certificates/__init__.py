@@ -17,8 +17,8 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     NotACertificate,
     digest,
     one_of,
-    precision,
     read_json,
+    read_precision,
     read_shape,
 )
 from tippedisk_verify.proofs.kernel.certificates import (
@@ -28,7 +28,7 @@ from tippedisk_verify.proofs.kernel.certificates import (
     family,
     fold,
 )
-from tippedisk_verify.proofs.kernel.vector_field import UNITS
+from tippedisk_verify.proofs.kernel.vector_field import PARAMETER_UNITS
 
 __all__ = [
     "CERTIFICATE_FORMAT",
@@ -77,13 +77,13 @@ def verify_content(content: Any, map_arcs: family.ArcMap = map) -> str:
             f"its format is not '{CERTIFICATE_FORMAT}': write it again with this version"
         )
     kind = read_shape(content["claim"].get("kind"), one_of(*KINDS), "claim kind")
-    bits = read_shape(content.get("bits"), precision, "bits")
+    bits = read_shape(content.get("bits"), read_precision, "bits")
     claim, evidence = KINDS[kind].SHAPES[kind]
     with working_precision(bits):
         shape = {
             "format": str,
             "claim": DISK_SHAPE | claim,
-            "bits": precision,
+            "bits": read_precision,
             "evidence": evidence,
             "sha256": str,
         }
@@ -99,7 +99,7 @@ def verify_content(content: Any, map_arcs: family.ArcMap = map) -> str:
             raise Unproved(f"the computation with its choices fails: {fault}") from None
     # The kind has selected the test. Members of `DISK_SHAPE` that a kind narrows were tested on
     # reading.
-    untested = reader.keys() - reader.read - {"kind"} - (claim.keys() & DISK_SHAPE.keys())
+    untested = reader.keys() - reader.names_read - {"kind"} - (claim.keys() & DISK_SHAPE.keys())
     require(not untested, f"claim: nothing tests {', '.join(sorted(untested))}")
     return sentence(file["claim"])
 
@@ -108,7 +108,9 @@ def sentence(claim: Mapping[str, Any]) -> str:
     """Return the theorem that a certificate's claim states, in one or more sentences of English,
     which also name the disk and the friction law.
     """
-    disk = ", ".join(f"{name} = {claim['parameters'][name]}{unit}" for name, unit in UNITS.items())
+    disk = ", ".join(
+        f"{name} = {claim['parameters'][name]}{unit}" for name, unit in PARAMETER_UNITS.items()
+    )
     numbers = {
         name: f"{number['value']} ± {number['uncertainty']}"
         for name, number in claim["numbers"].items()

@@ -39,15 +39,20 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
-from tippedisk_verify.proofs.kernel.certificate_format import NUMBER_SHAPE, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    NUMBER_SHAPE,
+    one_of,
+    read_decimal,
+    read_dyadic,
+)
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    abs_upper,
     cone_conditions,
+    magnitude_bound,
     require_positive,
     show_isolating_block,
     show_unstable_cone,
@@ -77,17 +82,17 @@ OPPOSITE_SIDES_REFUSAL = "6.3: the ends of the interval are not shown to pass on
 _BOXES_PER_STEP = 8  # of a step, for properties all along it
 _BELOW_HALF_PI = Fraction("1.5707")
 
-_GRAPH_SHAPE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
+_GRAPH_SHAPE = {"graph": [[read_dyadic, None], 2], "side?": one_of("1", "-1")}
 #: The evidence. The speeds, the box of the statement and the eigenvalues are the claim's.
 EVIDENCE_SHAPE = {
-    "directions": [[dyadic, 3], 3],
-    "unstable": {**_GRAPH_SHAPE, "reach": dyadic},
-    "cone": [dyadic, 2],
+    "directions": [[read_dyadic, 3], 3],
+    "unstable": {**_GRAPH_SHAPE, "reach": read_dyadic},
+    "cone": [read_dyadic, 2],
     "slow": _GRAPH_SHAPE,
-    "drift": [dyadic, 3],
+    "drift": [read_dyadic, 3],
     "flight": FLIGHT_SHAPE,
-    "block": [dyadic, 3],
-    "apart": [dyadic, 3],
+    "block": [read_dyadic, 3],
+    "apart": [read_dyadic, 3],
 }
 
 
@@ -229,7 +234,7 @@ def _enclose_unstable_branch(
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
     rows, slopes = saddle.directions.tolist(), curve.secant_slopes(arb(0).union(theta))
-    directions = [slope + arb(0, abs_upper(k)) for slope, k in zip(slopes, cone, strict=True)]
+    directions = [slope + arb(0, magnitude_bound(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
         require_positive(
@@ -239,7 +244,7 @@ def _enclose_unstable_branch(
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
     return (
         start,
-        [arb(0), arb(0, abs_upper(k_s)), arb(0, abs_upper(k_f)), arb(1)],
+        [arb(0), arb(0, magnitude_bound(k_s)), arb(0, magnitude_bound(k_f)), arb(1)],
         _is_never_flat(offset[0]),
         state,
     )
@@ -382,7 +387,7 @@ SHAPES = {
         {
             "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), NUMBER_SHAPE),
             **dict.fromkeys(("unique", "upright"), one_of(True, False)),
-            **dict.fromkeys(("beta", "gamma", "v"), decimal),
+            **dict.fromkeys(("beta", "gamma", "v"), read_decimal),
         },
         EVIDENCE_SHAPE,
     )

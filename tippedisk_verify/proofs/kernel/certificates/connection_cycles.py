@@ -130,11 +130,11 @@ from tippedisk_verify.proofs.kernel.balls import ball, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
     FRICTION_LAWS,
     NUMBER_SHAPE,
-    count,
-    decimal,
-    dyadic,
     one_of,
-    order,
+    read_count,
+    read_decimal,
+    read_dyadic,
+    read_order,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
@@ -148,7 +148,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    abs_upper,
+    magnitude_bound,
     require_positive,
     wedge_product,
 )
@@ -172,23 +172,32 @@ U, S, F = UNSTABLE, SLOW, FAST
 
 #: The evidence: the box N, the weights of its cones, the set D, and the steps of each flight.
 CYCLES_EVIDENCE_SHAPE = {
-    "box": {"directions": [[dyadic, 3], 3], "extents": [dyadic, 3], "cells": [order, 2]},
-    "weights": {
-        "steep": [dyadic, 3],
-        "compound": [dyadic, 2],
-        "drift": [dyadic, 3],
-        "flat": dyadic,
-        "lipschitz": dyadic,
-        "thin": dyadic,
-        "return": dyadic,
+    "box": {
+        "directions": [[read_dyadic, 3], 3],
+        "extents": [read_dyadic, 3],
+        "cells": [read_order, 2],
     },
-    "entry": {"lid": dyadic, "fast": dyadic, "weight": dyadic, "moment": dyadic},
-    "flights": {"steps": count, "lengths": [[dyadic, None], None]},
+    "weights": {
+        "steep": [read_dyadic, 3],
+        "compound": [read_dyadic, 2],
+        "drift": [read_dyadic, 3],
+        "flat": read_dyadic,
+        "lipschitz": read_dyadic,
+        "thin": read_dyadic,
+        "return": read_dyadic,
+    },
+    "entry": {
+        "lid": read_dyadic,
+        "fast": read_dyadic,
+        "weight": read_dyadic,
+        "moment": read_dyadic,
+    },
+    "flights": {"steps": read_count, "lengths": [[read_dyadic, None], None]},
 }
 
 
-CLAIM_SHAPE = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: the claim's own members
-_CONNECTION_CLAIM_SHAPE = {"eigenvalues": [[decimal, 2], 3], "room": [decimal, 3]}
+CLAIM_SHAPE = dict.fromkeys(("low", "high", "gamma", "v"), read_decimal)  #: the claim's own members
+_CONNECTION_CLAIM_SHAPE = {"eigenvalues": [[read_decimal, 2], 3], "room": [read_decimal, 3]}
 EVIDENCE_SHAPE = CYCLES_EVIDENCE_SHAPE | {
     "connection": connections.EVIDENCE_SHAPE | _CONNECTION_CLAIM_SHAPE
 }
@@ -328,8 +337,8 @@ class LoopMap:
         )
         # Q = {-a by_gamma - b by_v: 0 < a <= c, 0 < b <= d}.
         by_gamma, by_v = ([saddle.inverse[k, j] for k in range(3)] for j in (1, 2))
-        a, b = (arb(0).union(abs_upper(x)) for x in (c, d))
-        corner = [abs_upper(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
+        a, b = (arb(0).union(magnitude_bound(x)) for x in (c, d))
+        corner = [magnitude_bound(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
         require_positive(
             "7a.4: Q lies in N",
             *(extent - x for extent, x in zip(passage.extents, corner, strict=True)),
@@ -351,7 +360,7 @@ class LoopMap:
         require_positive("7a.1: beta_bar where N is left", -saddle.offset(self.exit_box)[0])
         require_positive(
             "7a.4: gamma where N is left upwards",
-            saddle.offset([u, arb(0, abs_upper(s)), arb(0, abs_upper(t))])[1],
+            saddle.offset([u, arb(0, magnitude_bound(s)), arb(0, magnitude_bound(t))])[1],
         )
         require_positive(
             "7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s
@@ -383,7 +392,7 @@ class LoopMap:
         require_positive("7a.3: arrivals in D", u - abs(unstable), self.fast - abs(fast))
         entering, leaving = (
             passage.rates(
-                [(-self.lid).union(passage.flat_slope * s), -s, arb(0, abs_upper(self.fast))]
+                [(-self.lid).union(passage.flat_slope * s), -s, arb(0, magnitude_bound(self.fast))]
             ),
             passage.rates(self.exit_box),
         )
@@ -400,17 +409,19 @@ class LoopMap:
                 x / speed
                 for x in passage.compound_bounds(wedge_product(entering, d), self.min_passage_time)
             )
-            return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
+            return [
+                magnitude_bound(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)
+            ]
 
-        image = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
-        kappa = image[0].max(abs_upper(image[1] / w))
+        image = after_round([arb(0, 1), arb(0), arb(0, magnitude_bound(w))])
+        kappa = image[0].max(magnitude_bound(image[1] / w))
         require_positive("7a.2: R contracts", 1 - kappa * (1 + passage.lipschitz_slope * w))
         require_positive("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
         ratio = passage.compound_ratio_bound(self.min_passage_time)
         height = passage.lipschitz_slope * (abs(by_f[0]) + abs(by_f[1]) * ratio)
         require_positive("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
         moved = [
-            row[0] * arb(0, abs_upper(k_s)) + row[1] * arb(0, abs_upper(k_f)) + row[2]
+            row[0] * arb(0, magnitude_bound(k_s)) + row[1] * arb(0, magnitude_bound(k_f)) + row[2]
             for row in (by_u, by_f)
         ]
         require_positive(
@@ -421,7 +432,7 @@ class LoopMap:
         # The derivatives of R's fixed point with respect to the speed. The second row of 1 - DR
         # shows |z_f'| <= slope |z_u'| + offset; the first one then bounds |z_u'|.
         first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
-        drift = [arb(0, abs_upper(x / speed)) for x in passage.drift_weights[:2]]
+        drift = [arb(0, magnitude_bound(x / speed)) for x in passage.drift_weights[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]
         own = 1 - second[1]
         require_positive("7a.5: 1 - DR is regular", own)
@@ -433,7 +444,7 @@ class LoopMap:
             ((falls - offset) / (1 + second[0] * slope)).lower(),
             ((falls + offset) / room).upper(),
         )
-        share = arb(0, abs_upper(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
+        share = arb(0, magnitude_bound(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
         require_positive("7a.5: the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
         twisted = abs(entering[U] * share - entering[F])
         require_positive(
@@ -451,7 +462,7 @@ class LoopMap:
         )
         exits = [
             arb(0).union(b[0] / speed) + drift[0],
-            arb(0, abs_upper(b[1] / speed)) + drift[1],
+            arb(0, magnitude_bound(b[1] / speed)) + drift[1],
             arb(1),
         ]
         gained = (slowest * (passage.growth_rates[0] * self.min_passage_time).exp() / speed).lower()
@@ -464,9 +475,9 @@ class LoopMap:
         )
         inside = passage.saddle.offset(
             [
-                arb(0, abs_upper(u)),
-                arb(0, abs_upper(s)),
-                arb(0, abs_upper(passage.forcing[1] + self.fast)),
+                arb(0, magnitude_bound(u)),
+                arb(0, magnitude_bound(s)),
+                arb(0, magnitude_bound(passage.forcing[1] + self.fast)),
             ]
         )[0]
         require_positive("7a.5: beta_max is in the flight", beta - abs(inside))

@@ -28,12 +28,12 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     FRICTION_LAWS,
     NUMBER_SHAPE,
     STABILITY_WORDS,
-    count,
-    decimal,
-    dyadic,
     one_of,
-    precision,
-    require_within_claim,
+    read_count,
+    read_decimal,
+    read_dyadic,
+    read_precision,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import (
     BOX_SHAPE,
@@ -184,17 +184,17 @@ def reversals_per_period(section: PoincareSection, fixed: KrawczykResult) -> int
 SHAPES = {
     kind: (
         {
-            "omega": decimal,
+            "omega": read_decimal,
             "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "stable": one_of(True, False, None),
-            "unique_within": dict.fromkeys(COORDINATE_NAMES[section], decimal),
-            "reversals?": count,
+            "unique_within": dict.fromkeys(COORDINATE_NAMES[section], read_decimal),
+            "reversals?": read_count,
         },
         {
-            "middle": [dyadic, 2],
+            "middle": [read_dyadic, 2],
             "centre": FLIGHT_SHAPE,
             "box": BOX_SHAPE,
-            "wide box?": BOX_SHAPE | {"bits": precision},
+            "wide box?": BOX_SHAPE | {"bits": read_precision},
         },
     )
     for kind, section in KINDS.items()
@@ -224,7 +224,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
     for name, number in claim["numbers"].items():
-        require_within_claim(number, numbers[name], name)
+        require_claimed_enclosure(number, numbers[name], name)
     require(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
     if FRICTION_LAWS[claim["friction"]].two_sided:
         require(

@@ -37,11 +37,11 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
     NUMBER_SHAPE,
-    decimal,
     one_of,
-    precision,
+    read_decimal,
+    read_precision,
     read_shape,
-    require_within_claim,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
@@ -79,13 +79,13 @@ __all__ = [
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
 _UNIQUENESS_KEYS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
-STEPS_SHAPE = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
-BOX_SHAPE = {"radii": [decimal, 2], "steps": STEPS_SHAPE}
+STEPS_SHAPE = [{"share": read_decimal, "axes?": [[read_decimal, 3], 3]}, None]
+BOX_SHAPE = {"radii": [read_decimal, 2], "steps": STEPS_SHAPE}
 ARC_SHAPE = {
-    "end": decimal,
-    "curve": [[decimal, None], 2],
-    "half": [decimal, None],
-    "bits": precision,
+    "end": read_decimal,
+    "curve": [[read_decimal, None], 2],
+    "half": [read_decimal, None],
+    "bits": read_precision,
     "box": BOX_SHAPE,
     "wide box?": BOX_SHAPE,
 }
@@ -255,7 +255,7 @@ def verify_piece(job: ArcJob) -> Piece:
                 require(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
-        within = [exact_magnitude_bound(off) for off in tests[0].within]
+        within = [exact_magnitude_bound(off) for off in tests[0].shift]
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
     require(
         all(a <= b for a, b in zip(*boxes, strict=True)),
@@ -362,8 +362,8 @@ def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
         "numbers": dict.fromkeys(
             ("omega_crit", "omega_h") if whole else ("omega_crit",), NUMBER_SHAPE
         ),
-        **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
-        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, decimal),
+        **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), read_decimal),
+        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, read_decimal),
     }
     evidence: dict[str, Any] = {"arcs": [ARC_SHAPE, None]}
     if whole:
@@ -401,7 +401,9 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcM
         highest <= Fraction(claim["omega_end"]),
         "claim: omega_end is not shown to lie above the last cycle's speed",
     )
-    require_within_claim(claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit")
+    require_claimed_enclosure(
+        claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit"
+    )
     for name, distance in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
         require(
             distance >= Fraction(claim["unique_within"][name]) > 0,

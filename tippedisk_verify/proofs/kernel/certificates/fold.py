@@ -15,9 +15,9 @@ from typing import Any, Literal
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, negative, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
     NUMBER_SHAPE,
-    dyadic,
     one_of,
-    require_within_claim,
+    read_dyadic,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.krawczyk import (
@@ -131,7 +131,7 @@ def require_extremum(
         radii,
         strict=True,
     ):
-        require_within_claim(numbers[name], x, name)
+        require_claimed_enclosure(numbers[name], x, name)
         # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
         # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
@@ -139,10 +139,12 @@ def require_extremum(
             inside(printed, box_radius),
             f"claim: {name} reaches beyond the box that holds one cycle",
         )
-    require_within_claim(numbers["period"], section.flights_per_period * whole.box.time, "period")
+    require_claimed_enclosure(
+        numbers["period"], section.flights_per_period * whole.box.time, "period"
+    )
 
 
-_TEST_SHAPE = {"middle": [dyadic, 2], "centre": FLIGHT_SHAPE, "box": BOX_SHAPE}
+_TEST_SHAPE = {"middle": [read_dyadic, 2], "centre": FLIGHT_SHAPE, "box": BOX_SHAPE}
 SHAPES = {
     kind: (
         {

@@ -108,9 +108,9 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    abs_upper,
     cone_conditions,
     hull_of_ball_array,
+    magnitude_bound,
     off_diagonal_sums,
     require_positive,
     wedge_product,
@@ -170,7 +170,8 @@ class SaddlePassage:
             for shell in np.unique(shells[block]):
                 whole[shell].append([hull_of_ball_array(x[shells[block] == shell]) for x in held])
         self.speed_wedge_bounds = [
-            abs_upper(reduce(arb.union, column)) for column in zip(*speed_wedge_bounds, strict=True)
+            magnitude_bound(reduce(arb.union, column))
+            for column in zip(*speed_wedge_bounds, strict=True)
         ]
         self._set_matrices(
             [[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole]
@@ -222,7 +223,7 @@ class SaddlePassage:
         self.C = arb_mat(
             [[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]]
         )
-        self.B = [abs_upper(x) for x in whole[12:]]
+        self.B = [magnitude_bound(x) for x in whole[12:]]
 
     def verify_weights(self, weights: dict[str, Any]) -> None:
         """Show the inequalities of the proof (parts 7a.1 to 7a.5) that concern the box N alone,
@@ -257,8 +258,8 @@ class SaddlePassage:
         self.decay_rates = [-m[S, S], -m[F, F]]
         require_positive("7a.1: the stable directions", *self.decay_rates)
         self.forcing = [
-            abs_upper(rest[S] / self.decay_rates[0]),
-            abs_upper(rest[F] / self.decay_rates[1]),
+            magnitude_bound(rest[S] / self.decay_rates[0]),
+            magnitude_bound(rest[F] / self.decay_rates[1]),
         ]
         require_positive("7a.1: the face of z_u", m[U, U] * u - rest[U])
         require_positive("7a.1: the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
@@ -286,7 +287,7 @@ class SaddlePassage:
         )
         self.min_uf_decay_rate, self.uf_forcing = (
             (-c[1, 1]).lower(),
-            abs_upper(abs(c[1, 0]) + abs(c[1, 2]) * self.compound_weights[1]),
+            magnitude_bound(abs(c[1, 0]) + abs(c[1, 2]) * self.compound_weights[1]),
         )
         require_positive(
             "7a.2: the second compound falls",
@@ -328,7 +329,7 @@ class SaddlePassage:
         # With m = max(|z_u|, |z_s|) and z_s = r z_u + q z_f there, m <= max(1, r) |z_u| + |q| k m.
         r, q = -p[0, U] / p[0, S], -p[0, F] / p[0, S]
         require_positive("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
-        fast = arb(0, abs_upper(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
+        fast = arb(0, magnitude_bound(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
         self.crossing_ratios = arb(1), r + q * fast, fast
         require_positive(
             "7a.4: the signs at beta_bar = 0",
@@ -401,7 +402,7 @@ class SaddlePassage:
         ``fast`` are bounds of |z_s| and |z_f| at the start.
         """
         parts = zip((slow, fast), self.decay_rates, self.forcing, strict=True)
-        return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
+        return [magnitude_bound(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
     def crossing_bound(self, lid: Any, fast: Any, moment: Any) -> Any:
         """Return an upper bound of |z_u| for orbits in the box N where they reach beta_bar = 0,
@@ -416,8 +417,10 @@ class SaddlePassage:
         early = (lid + self.flat_slope * s) * (
             self.growth_rates[1] * moment
         ).exp() + self.flat_slope * s
-        return abs_upper(early).max(
-            abs_upper(self.stable_bounds(s, fast, moment)[0] / self.crossing_ratios[S].lower())
+        return magnitude_bound(early).max(
+            magnitude_bound(
+                self.stable_bounds(s, fast, moment)[0] / self.crossing_ratios[S].lower()
+            )
         )
 
     def compound_bounds(self, b: Sequence[Any], time: Any) -> list[Any]:
@@ -428,11 +431,13 @@ class SaddlePassage:
         variation of the orbit. N is the box about the saddle.
         """
         k_1, k_2 = self.compound_weights
-        size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
-        first = abs_upper(size * (-self.compound_decay_rate * time).exp())
+        size = (
+            magnitude_bound(b[0]).max(magnitude_bound(b[1] / k_1)).max(magnitude_bound(b[2] / k_2))
+        )
+        first = magnitude_bound(size * (-self.compound_decay_rate * time).exp())
         return [
             first,
-            abs_upper(
+            magnitude_bound(
                 size * k_1 * (-self.min_uf_decay_rate * time).exp()
                 + first * self.uf_forcing / (self.min_uf_decay_rate - self.compound_decay_rate)
             ),
@@ -449,7 +454,7 @@ class SaddlePassage:
             self.compound_weights[0]
             * ((self.max_us_decay_rate - self.min_uf_decay_rate) * time).exp()
         )
-        return abs_upper(
+        return magnitude_bound(
             faded + self.uf_forcing / (self.min_uf_decay_rate - self.max_us_decay_rate)
         )
 

@@ -103,9 +103,9 @@ __all__ = [
     "UNSTABLE",
     "ManifoldGraph",
     "SaddleCoordinates",
-    "abs_upper",
     "cone_conditions",
     "hull_of_ball_array",
+    "magnitude_bound",
     "off_diagonal_sums",
     "require_positive",
     "show_isolating_block",
@@ -126,7 +126,7 @@ def require_positive(statement: str, *slacks: Any) -> None:
         require(bool(positive(slack)), f"{statement}: {slack.str(4)} is not shown to be positive")
 
 
-def abs_upper(x: Any) -> Any:
+def magnitude_bound(x: Any) -> Any:
     """Return an upper bound of |x| over the ball x, as a ball without width."""
     return x.abs_upper()
 
@@ -185,7 +185,7 @@ def wedge_product(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     ]
 
 
-class _SaddleOps:
+class _ShiftedAngleOps:
     """The sine and cosine for the equations of motion about the saddle, where gamma_bar = pi + y.
 
     The object ``angle`` stands for y: its sine and cosine change their sign. Other angles are
@@ -254,7 +254,10 @@ class SaddleCoordinates:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
                 of_y = vector_field(
-                    _SaddleOps(ops, gamma), numbers, omega, self.friction if side is None else side
+                    _ShiftedAngleOps(ops, gamma),
+                    numbers,
+                    omega,
+                    self.friction if side is None else side,
                 )
                 return self.coordinates(of_y(beta, gamma, v))
 
@@ -314,7 +317,7 @@ class SaddleCoordinates:
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
             moved, _ = sliding_motion(
-                _SaddleOps(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
+                _ShiftedAngleOps(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
             )
             return coefficient(moved, 1)
 
@@ -461,9 +464,12 @@ class ManifoldGraph:
         if self.side is None:
             return
         span = arb(0).union(reach)
-        z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
+        z, direction = (
+            self.point(span, [arb(0, magnitude_bound(k * reach)) for k in cone]),
+            [arb(1)] * 3,
+        )
         for other, steep, k in zip(self.others, self.secant_slopes(span), cone, strict=True):
-            direction[other] = steep + arb(0, abs_upper(k))
+            direction[other] = steep + arb(0, magnitude_bound(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
@@ -497,10 +503,10 @@ class ManifoldGraph:
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
             require(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
-            total = abs_upper(coefficient(outer, order + 1)) * reach**order
+            total = magnitude_bound(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
-                total += abs_upper(coefficient(inner, power)) * reach ** (power - 1)
-            bounds.append(abs_upper(total))
+                total += magnitude_bound(coefficient(inner, power)) * reach ** (power - 1)
+            bounds.append(magnitude_bound(total))
         return bounds
 
 
@@ -524,13 +530,16 @@ def show_unstable_cone(
     """
     require_positive("6.1: the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
-    within = [arb(0, abs_upper(k * theta)) for k in cone]
+    within = [arb(0, magnitude_bound(k * theta)) for k in cone]
     whole = curve.point(span, within)
     matrix = arb_mat(curve.saddle.rates_and_derivatives(whole, curve.side)[1])
     rows, steep = curve.transverse_jacobian(matrix, span), curve.secant_slopes(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
-        (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),
+        (
+            matrix[UNSTABLE, other] * (slope + arb(0, magnitude_bound(k)))
+            for other, slope, k in along
+        ),
         arb(0),
     )
     require_positive("6.1: the cone of the unstable manifold", growth)
@@ -556,14 +565,14 @@ def show_isolating_block(
     """
     s, u, t = extents
     require_positive("6.3: the isolating block", s, u, t)
-    span = arb(0, abs_upper(s))
-    box = curve.point(span, (arb(0, abs_upper(u)), arb(0, abs_upper(t))))
+    span = arb(0, magnitude_bound(s))
+    box = curve.point(span, (arb(0, magnitude_bound(u)), arb(0, magnitude_bound(t))))
     matrix = arb_mat(curve.saddle.rates_and_derivatives(box)[1])
     (outwards, from_f), (from_u, inwards) = curve.transverse_jacobian(matrix, span)
     defect = [d * s for d in curve.relative_defect(s)]
     require_positive("6.3: the isolating block", outwards)
     curve.require_side(s, (arb(0), arb(0)))
-    delta = abs_upper((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
+    delta = magnitude_bound((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
     require_positive(
         "6.3: the faces of the isolating block",
         u - delta,
