@@ -68,7 +68,7 @@ class Flight:
         return self.path.divergence
 
 
-def carry(
+def flow_for(
     model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
 ) -> Flight:
     """The flow for a positive time from a box of states."""
@@ -96,10 +96,10 @@ def carry(
 
 
 #: What tampers with a certificate.
-Change = Callable[[dict[str, Any]], None]
+ChangeOfContent = Callable[[dict[str, Any]], None]
 
 
-def put(*path: Any) -> Change:
+def replace_entry(*path: Any) -> ChangeOfContent:
     """The last of the names is the value, or a function of the old one."""
 
     def act(content: dict[str, Any]) -> None:
@@ -130,7 +130,7 @@ def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> Poincare
     )
 
 
-def fixed_in(
+def krawczyk_result(
     model: Model,
     middle: Sequence[Any],
     radii: Sequence[Any],
@@ -152,9 +152,9 @@ def fixed_in(
     )
 
 
-def included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+def box_is_included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
     """Whether the box passes the test."""
-    fixed = fixed_in(model, middle, radii)
+    fixed = krawczyk_result(model, middle, radii)
     return fixed is not None and fixed.included
 
 

@@ -135,7 +135,7 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
 
 
 #: of a log's entries: what is done to them, and what is said
-SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
+SPOILED_LOGS: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
     "a step is three times as long": (
         lambda log: log[5].update(share=str(3 * float(log[5]["share"]))),
         "enclosure|return|move|section|further steps",
@@ -165,7 +165,7 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
                 again.curve_time.coefficients, flight.curve_time.coefficients, strict=True
             )
         )
-        for spoil, said in SPOILED.values():
+        for spoil, said in SPOILED_LOGS.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
             with pytest.raises(certificates.Unproved, match=said):

@@ -16,7 +16,7 @@ import pytest
 from flint import arb, arb_mat
 
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
-from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up
+from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up_passage
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
@@ -174,7 +174,7 @@ def test_a_flight_that_falls_is_refused() -> None:
 def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     cells: list[tuple[Any, Any]] = []
 
-    def told(
+    def record_cells(
         saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any
     ) -> None:
         balls = (
@@ -183,7 +183,7 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
         )
         cells.extend(zip(*balls, strict=True))
 
-    monkeypatch.setattr(module, "enclose_arrivals", told)
+    monkeypatch.setattr(module, "enclose_arrivals", record_cells)
     n = SimpleNamespace(
         saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS),
         extents=[arb(x) for x in EVIDENCE_VALUES["extents"]],
@@ -203,7 +203,7 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
 
 
 # ----------------------------------------------------------------------------------- the connection
-def connected(
+def require_branch_in_box(
     *pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")
 ) -> None:
     """Of pieces of a flight with these z about the second saddle."""
@@ -217,7 +217,7 @@ def connected(
 
 
 def test_the_connection_stays_in_n() -> None:
-    connected((0.5, -3, 0), (0.1, -0.25, 0.1), (0, -0.2, 0.1), (0, -0.1, 0))
+    require_branch_in_box((0.5, -3, 0), (0.1, -0.25, 0.1), (0, -0.2, 0.1), (0, -0.1, 0))
     for pieces, line in (
         ([(0, -0.2, 0), (0, -0.1, 0)], "from outside"),
         ([(0, -3, 0), (0.21, -0.15, 0)], "stays in N"),
@@ -226,9 +226,9 @@ def test_the_connection_stays_in_n() -> None:
         ([(0, -3, 0), (0, -0.15, 0), (-0.1, 0.1, 0)], "gamma grows"),  # beta_bar < 0
     ):
         with pytest.raises(Unproved, match=line):
-            connected(*pieces)
+            require_branch_in_box(*pieces)
     with pytest.raises(Unproved, match="box lies in N"):
-        connected((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
+        require_branch_in_box((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
 
 
 @pytest.mark.parametrize(
@@ -268,7 +268,7 @@ def changed(matrix: Any, row: int, k: int, x: float) -> Any:
     return other
 
 
-BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
+FAULTS_BEFORE_FLIGHTS: list[tuple[str, str, Callable[[Any], Any]]] = [
     ("a passage takes time", "min_passage_time", lambda n: lambda distance: arb(0)),
     ("the fast part in N", "speed_wedge_extent", lambda n: n.forcing[1] + arb(1) / 1024),
     ("the fast part in N", "forcing", lambda n: [n.forcing[0], n.speed_wedge_extent]),
@@ -285,12 +285,12 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("line", "name", "other"), BEFORE)
+@pytest.mark.parametrize(("line", "name", "other"), FAULTS_BEFORE_FLIGHTS)
 def test_what_is_asked_before_the_flights(
     line: str, name: str, other: Callable[[Any], Any]
 ) -> None:
     """One of the passage's answers is another one."""
-    n = made_up()
+    n = made_up_passage()
     loop_map_of(n)
     owner = n.saddle if name.startswith("saddle.") else n
     setattr(owner, name.removeprefix("saddle."), other(n))
@@ -303,7 +303,7 @@ def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
     """Beyond the saddle z_s is what is left of D's or of Q's; before it, of what Q's v brings."""
     answers = [(0.125, 0.0078125), (0.0625, 0.015625)]
     rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
-    n = made_up()
+    n = made_up_passage()
     vars(n).update(
         crossing_bound=lambda *_: arb(0), stable_bounds=lambda *_: [arb(x) for x in next(rest)]
     )
@@ -318,7 +318,7 @@ def before_flights() -> tuple[LoopMap, Any]:
     """With a linear field, and arrivals that fit; what is changed in the passage now does not
     change its answers.
     """
-    n = made_up()
+    n = made_up_passage()
     loop_map = loop_map_of(n)
     answers = {
         name: getattr(n, name)
@@ -377,7 +377,9 @@ def arrivals() -> list[list[Any]]:
     ]
 
 
-AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]] = [
+FAULTS_AFTER_FLIGHTS: list[
+    tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]
+] = [
     ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, S, -1)}, {}),
     ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, U, 1, leaving=True)}, {}),
     # kappa is below one; 1 + L w is not.
@@ -428,7 +430,7 @@ def test_the_made_up_return_map_is_shown() -> None:
 
 
 #: Row and column of the arrivals, what is done to the number, and the inequality that rests on it.
-SPOILED: list[tuple[int, int, Callable[[Any], Any], str]] = [
+SPOILED_ARRIVALS: list[tuple[int, int, Callable[[Any], Any], str]] = [
     (0, 0, lambda x: x - arb(0.005), "arrivals above the lid of D"),
     (0, 0, lambda x: x + arb(0.25), "arrivals in D"),
     (1, 0, lambda x: 2 * x, "arrivals in D"),
@@ -446,13 +448,13 @@ SPOILED: list[tuple[int, int, Callable[[Any], Any], str]] = [
     (3, 1, lambda x: -9 * x, "beta_max falls"),
     (3, 0, lambda x: x / 20, "beta_max is in the flight"),
 ]
-AFTER += [
+FAULTS_AFTER_FLIGHTS += [
     (line, {}, {(row, column): spoil(arrivals()[row][column])})
-    for row, column, spoil, line in SPOILED
+    for row, column, spoil, line in SPOILED_ARRIVALS
 ]
 
 
-@pytest.mark.parametrize(("line", "others", "moved"), AFTER)
+@pytest.mark.parametrize(("line", "others", "moved"), FAULTS_AFTER_FLIGHTS)
 def test_what_is_asked_after_the_flights(
     line: str,
     others: dict[str, Callable[[Any], Any]],
@@ -494,7 +496,7 @@ def test_what_is_asked_after_the_flights(
 )
 def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
     """Every number of D and Q, changed so that its inequality breaks."""
-    n = made_up()
+    n = made_up_passage()
     loop_map_of(n)
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         LoopMap(n, ENTRY | {name: x})

@@ -13,7 +13,7 @@ import pytest
 
 from tests.command_line import answer
 from tests.problems import speed_below
-from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
+from tests.proofs.cases import NUMBERS, box_is_included, half_flight, hull, turn_flight
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.return_map import ReturnMap
 from tippedisk_verify.cycles.section import LIBRATING, ROTATING
@@ -228,14 +228,16 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
 
     with working_precision(48):
         middle, radii = box("3e-8")
-        assert included(model(), middle, radii)
-        assert not included(Model(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii)
-        assert not included(model(), [middle[0] + 3 * radii[0], middle[1]], radii)
+        assert box_is_included(model(), middle, radii)
+        assert not box_is_included(
+            Model(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii
+        )
+        assert not box_is_included(model(), [middle[0] + 3 * radii[0], middle[1]], radii)
         # Each speed within 1e-5 rad/s has exactly one fixed point in a wider box.
         speeds = hull(OMEGA - Fraction(1, 10**5), OMEGA + Fraction(1, 10**5))
-        assert included(model(omega=speeds), *box("2e-4"))
+        assert box_is_included(model(omega=speeds), *box("2e-4"))
     with working_precision(35):
-        assert not included(model(), *box("1e-12"))
+        assert not box_is_included(model(), *box("1e-12"))
 
 
 @pytest.mark.parametrize(

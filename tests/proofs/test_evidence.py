@@ -25,15 +25,15 @@ from tippedisk_verify.proofs.search.steps import FlightStepSearch
 OMEGA, START = "30.4", (1.7, -1.72)
 
 
-class Careless(FlightStepSearch):
+class CarelessSearch(FlightStepSearch):
     """Draws lengths, orders and axes."""
 
     def __init__(self, draw: random.Random) -> None:
         super().__init__()
         self.draw = draw
 
-    def after_reversal(self) -> Careless:
-        return Careless(self.draw)
+    def after_reversal(self) -> CarelessSearch:
+        return CarelessSearch(self.draw)
 
     def next_step(self, path: Path, max_length: float | None) -> Step | None:
         for _ in range(60):
@@ -64,7 +64,7 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     for seed in range(5):
         with working_precision(64):
             box = [part + arb(0, size) for part in map(ball, START)]
-            proposer = Careless(random.Random(seed))
+            proposer = CarelessSearch(random.Random(seed))
             flight = enclose_poincare_map(
                 model_for_disk(parameters, ball(OMEGA)),
                 LIBRATING_SECTION,
@@ -91,7 +91,7 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     assert shown
 
 
-class Stale(FlightStepSearch):
+class StaleTrialSearch(FlightStepSearch):
     """Keeps a trial when the path has moved on."""
 
     trial: Any = None
@@ -101,7 +101,7 @@ class Stale(FlightStepSearch):
         return self.trial.tested_step(2.0**-9)
 
 
-class Forging(FlightStepSearch):
+class ForgingSearch(FlightStepSearch):
     """Hands over another step than the one that was tested."""
 
     def __init__(self, forged: Callable[[Step], Step]) -> None:
@@ -113,7 +113,7 @@ class Forging(FlightStepSearch):
         return None if step is None else self.forged(step)
 
 
-class Meddling(FlightStepSearch):
+class MeddlingSearch(FlightStepSearch):
     """Writes into what it is shown."""
 
     def new_axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
@@ -142,14 +142,14 @@ def flown(proposer: FlightStepSearch) -> PoincareImage:
 
 def test_the_kernel_believes_its_own_steps_only() -> None:
     honest = flown(FlightStepSearch())
-    doubled = Forging(lambda step: replace(step, length=2 * step.length))
-    for proposer in (Stale(), doubled):
+    doubled = ForgingSearch(lambda step: replace(step, length=2 * step.length))
+    for proposer in (StaleTrialSearch(), doubled):
         with pytest.raises(ValueError, match="not the latest trial"):
             flown(proposer)
-    shifted = Forging(
+    shifted = ForgingSearch(
         lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials])
     )
-    for proposer in (shifted, Meddling()):
+    for proposer in (shifted, MeddlingSearch()):
         flight = flown(proposer)
         assert flight.status is FlowStatus.RETURNED
         for mine, its in zip(

@@ -93,7 +93,7 @@ def _moved(entries: Any, number: int, row: int, by: Fraction) -> None:
     coefficients[0] = str(Fraction(coefficients[0]) + by)
 
 
-SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
+SPOILED_CLAIMS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "v moved": (lambda c, e: _moved(e, 1, 0, Fraction(1, 10)), "not shown to be one curve"),
     "Omega moved": (lambda c, e: _moved(e, 1, 1, Fraction(1, 5)), "not shown to be one curve"),
     "the Hopf point": (
@@ -126,11 +126,11 @@ SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", SPOILED)
+@pytest.mark.parametrize("name", SPOILED_CLAIMS)
 def test_what_does_not_fit_is_not_shown(name) -> None:
     claim, entries, within = copy.deepcopy(arcs())
-    SPOILED[name][0](claim, entries)
-    with pytest.raises(certificates.Unproved, match=SPOILED[name][1]):
+    SPOILED_CLAIMS[name][0](claim, entries)
+    with pytest.raises(certificates.Unproved, match=SPOILED_CLAIMS[name][1]):
         glued(claim, entries, within)
 
 

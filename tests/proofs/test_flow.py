@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import pytest
 
-from tests.proofs.cases import carry
+from tests.proofs.cases import flow_for
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE
@@ -45,7 +45,7 @@ def blow_up(ops, constants, omega):
 
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
-        flight = carry(
+        flight = flow_for(
             Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
         )
         assert flight.status is None
@@ -114,7 +114,9 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
     )
     ordinary = taylor(request)
     with working_precision(80):
-        flight = carry(model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True)
+        flight = flow_for(
+            model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
+        )
     assert flight.status is None
     assert flight.upright
     for row, others in zip(
@@ -146,20 +148,23 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
-        assert carry(model(), wide, "0.5").status in (FlowStatus.TOO_WIDE, FlowStatus.NO_ENCLOSURE)
+        assert flow_for(model(), wide, "0.5").status in (
+            FlowStatus.TOO_WIDE,
+            FlowStatus.NO_ENCLOSURE,
+        )
         assert (
-            carry(model(), [part + arb(0, 1) for part in start()], "0.5").status
+            flow_for(model(), [part + arb(0, 1) for part in start()], "0.5").status
             is FlowStatus.TOO_WIDE
         )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
-            flight = carry(model(), [0, strange, -1], "0.1")
+            flight = flow_for(model(), [0, strange, -1], "0.1")
             assert flight.status is FlowStatus.NO_ENCLOSURE
             assert flight.path.step_count == 0
         assert (
-            carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
+            flow_for(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
             is FlowStatus.NO_ENCLOSURE
         )
     with working_precision(24):
-        short = carry(model(), start(), "0.5")
+        short = flow_for(model(), start(), "0.5")
         # Twenty-four bits hold seven digits.
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

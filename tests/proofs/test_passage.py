@@ -57,7 +57,7 @@ def column(entries: Sequence[Any]) -> Any:
     return arb_mat([[entry] for entry in entries])
 
 
-HAIR = arb(2) ** -40  # above the roundings of a handful of operations in 64 bits
+ROUNDING_ALLOWANCE = arb(2) ** -40  # above the roundings of a handful of operations in 64 bits
 
 
 @pytest.fixture(autouse=True)
@@ -77,7 +77,7 @@ NUMBERS: dict[str, Any] = {
 Place = tuple[Any, ...]  # a name and indices
 
 
-def made_up(
+def made_up_passage(
     numbers: dict[Place, Any] | None = None, evidence: dict[Place, Any] | None = None
 ) -> SaddlePassage:
     """A passage with the ``evidence`` and the ``numbers`` put in their places, shown for its
@@ -168,7 +168,7 @@ def test_each_cell_counts_where_it_should(n: int, m: int) -> None:
 
 
 # ------------------------------------------------------------------------------- what is asked of N
-SPOILED: list[tuple[str, dict[Place, Any]]] = [
+SPOILED_NUMBERS: list[tuple[str, dict[Place, Any]]] = [
     ("the stable directions", {("M", S, S): 1}),
     ("the stable directions", {("M", F, F): 1}),
     ("the face of z_u", {("M", U, S): 40}),
@@ -206,7 +206,7 @@ SPOILED: list[tuple[str, dict[Place, Any]]] = [
 
 #: The fast direction divided by four: with it z_f is four times as large, and so may be k_3.
 QUARTER = {("directions", 0, F): -0.0025, ("directions", 1, F): 0.0007, ("directions", 2, F): 0.25}
-CHOSEN: list[tuple[str, dict[Place, Any]]] = [
+SPOILED_EVIDENCE: list[tuple[str, dict[Place, Any]]] = [
     # |p_f / p_s| k_3 is 1.01 with p_s = -0.123.
     ("the thin set at beta_bar = 0", {("directions", 0, F): -1}),
     ("the signs at beta_bar = 0", {("directions", 0, U): -0.15}),
@@ -228,22 +228,22 @@ CHOSEN: list[tuple[str, dict[Place, Any]]] = [
 @pytest.mark.parametrize(
     ("line", "numbers", "evidence"),
     [
-        *((line, numbers, {}) for line, numbers in SPOILED),
-        *((f"{line}:", {}, evidence) for line, evidence in CHOSEN),
+        *((line, numbers, {}) for line, numbers in SPOILED_NUMBERS),
+        *((f"{line}:", {}, evidence) for line, evidence in SPOILED_EVIDENCE),
     ],
 )
 def test_a_number_or_choice_that_is_spoiled_breaks_its_inequality(
     line: str, numbers: dict[Place, Any], evidence: dict[Place, Any]
 ) -> None:
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
-        made_up(numbers, evidence)
+        made_up_passage(numbers, evidence)
 
 
 def test_examples_are_passages() -> None:
     """Also with weights of the graph a little below one."""
-    made_up()
-    made_up(evidence={**QUARTER, ("thin",): 0.95})
-    made_up(evidence={("flat",): 0.5})
+    made_up_passage()
+    made_up_passage(evidence={**QUARTER, ("thin",): 0.95})
+    made_up_passage(evidence={("flat",): 0.5})
 
 
 @pytest.mark.parametrize(
@@ -260,7 +260,7 @@ def test_what_is_asked_after_a_crossing(row: Sequence[float], rate: float) -> No
     is to be.
     """
 
-    def asked(row: Sequence[float], rate: float) -> None:
+    def quadrant_condition(row: Sequence[float], rate: float) -> None:
         unit = arb_mat([[int(i == j) for j in range(3)] for i in range(3)])
         rows = arb_mat([[0, 0, 1], [1, 0, 0], [arb(x) for x in row]])
         saddle = SimpleNamespace(directions=unit, inverse=unit)
@@ -268,9 +268,9 @@ def test_what_is_asked_after_a_crossing(row: Sequence[float], rate: float) -> No
             SimpleNamespace(saddle=saddle, M=rows, extents=[arb(0.25)] * 3), arb(rate)
         )
 
-    asked((20, 5, -12), 5)
+    quadrant_condition((20, 5, -12), 5)
     with pytest.raises(Unproved, match="beta_bar and gamma after a crossing"):
-        asked(row, rate)
+        quadrant_condition(row, rate)
 
 
 def test_beta_bar_stays_small_in_n() -> None:
@@ -278,7 +278,7 @@ def test_beta_bar_stays_small_in_n() -> None:
     rows = DIRECTIONS
     large = {("directions", i, j): 32 * rows[i][j] for i, j in product(range(3), repeat=2)}
     with pytest.raises(Unproved, match=r"beta_bar and gamma after a crossing: \[-0\.84"):
-        made_up(evidence=large)
+        made_up_passage(evidence=large)
 
 
 # --------------------------------------------------------------------------- what is said of orbits
@@ -286,22 +286,22 @@ def test_the_rates_in_the_steep_cone() -> None:
     """d_u' / d_u at the cone's corners: at least with a difference of speeds, and at most
     without.
     """
-    n = made_up()
+    n = made_up_passage()
     k_u, k_s, k_f = n.steep_weights
     rates, own = [], []
     for x, y, z in product((-1, 1), repeat=3):
         rate = n.A[U, U] + (n.A[U, S] * x * k_s + n.A[U, F] * y * k_f) / k_u
         own.append(rate)
         rates.append(rate + n.B[U] * z / k_u)
-    assert abs(n.growth_rates[0] - min(rates)) < HAIR
-    assert abs(n.growth_rates[1] - max(own)) < HAIR
+    assert abs(n.growth_rates[0] - min(rates)) < ROUNDING_ALLOWANCE
+    assert abs(n.growth_rates[1] - max(own)) < ROUNDING_ALLOWANCE
 
 
 def test_the_products_fall_as_is_said() -> None:
     """Exact solutions of b' = C b, from corners of boxes of which each product may be the
     smallest.
     """
-    n = made_up()
+    n = made_up_passage()
     k_1, k_2 = n.compound_weights
     for time in (0, 0.125, 0.5, 2, 8):
         flow = (n.C * arb(time)).exp()
@@ -309,19 +309,27 @@ def test_the_products_fall_as_is_said() -> None:
             b = [arb(sign) * k for sign, k in zip(signs, (1, k_1, k_2), strict=True)]
             moved = [sum(flow[row, k] * b[k] for k in range(3)) for row in range(3)]
             settled = n.compound_bounds(b, arb(time))
-            assert all(abs(x) < bound + HAIR for x, bound in zip(moved, settled, strict=False))
+            assert all(
+                abs(x) < bound + ROUNDING_ALLOWANCE
+                for x, bound in zip(moved, settled, strict=False)
+            )
             if signs[0] == 1:
-                assert abs(moved[1]) / moved[0] < n.compound_ratio_bound(arb(time)) + HAIR
+                assert (
+                    abs(moved[1]) / moved[0]
+                    < n.compound_ratio_bound(arb(time)) + ROUNDING_ALLOWANCE
+                )
 
 
 def test_the_stable_parts_fall_as_is_said() -> None:
     """|z_s| at 8 per second to (u / 8 + t / 32) / 8, |z_f| at 100 per second to (2 u + s) / 100."""
-    n = made_up()
+    n = made_up_passage()
     u, s, t = n.extents
     for time in (arb(0), arb(0.125), arb(1)):
         slow, fast = n.stable_bounds(arb(0.25), arb(0.5), time)
-        assert abs(slow - (arb(0.25) * (-8 * time).exp() + (u / 8 + t / 32) / 8)) < HAIR
-        assert abs(fast - (arb(0.5) * (-100 * time).exp() + (2 * u + s) / 100)) < HAIR
+        assert (
+            abs(slow - (arb(0.25) * (-8 * time).exp() + (u / 8 + t / 32) / 8)) < ROUNDING_ALLOWANCE
+        )
+        assert abs(fast - (arb(0.5) * (-100 * time).exp() + (2 * u + s) / 100)) < ROUNDING_ALLOWANCE
 
 
 @pytest.mark.parametrize(
@@ -331,7 +339,7 @@ def test_where_beta_bar_vanishes_in_the_thin_set(by_u: float, by_f: float) -> No
     """Points with z_u = 1 and z_f up to 0.99 of what the set allows: z_s = r + q z_f, larger
     than 1 or smaller.
     """
-    n = made_up(evidence={("directions", 0, U): by_u, ("directions", 0, F): by_f})
+    n = made_up_passage(evidence={("directions", 0, U): by_u, ("directions", 0, F): by_f})
     r, q = (-n.saddle.directions[0, k] / n.saddle.directions[0, S] for k in (U, F))
     for share in (-0.99, -0.5, 0.5, 0.99):
         fast = arb(share) * n.thin_slope
@@ -347,11 +355,13 @@ def test_the_time_of_a_passage() -> None:
     """The graph may be as low as -k max(s, t) where the orbit leaves N; there d_u is u less
     than that.
     """
-    n = made_up()
+    n = made_up_passage()
     u, s, t = n.extents
     least = u - n.flat_slope * s.max(t)
-    assert abs(n.min_passage_time(least)) < HAIR
-    assert abs(n.min_passage_time(least / 2) - arb(2).log() / n.growth_rates[1]) < HAIR
+    assert abs(n.min_passage_time(least)) < ROUNDING_ALLOWANCE
+    assert (
+        abs(n.min_passage_time(least / 2) - arb(2).log() / n.growth_rates[1]) < ROUNDING_ALLOWANCE
+    )
 
 
 def test_a_crossing_is_as_far_from_the_graph_as_both_ends_allow_and_where_z_s_has_fallen_to() -> (
@@ -364,16 +374,16 @@ def test_a_crossing_is_as_far_from_the_graph_as_both_ends_allow_and_where_z_s_ha
     the start.
     """
     moment = arb(2) ** -10
-    falling = made_up({("M", S, S): -(2.0**20), ("M", F, F): -(2.0**24)})
+    falling = made_up_passage({("M", S, S): -(2.0**20), ("M", F, F): -(2.0**24)})
     assert (
         falling.crossing_bound(arb(0), arb(0), moment)
         >= 2 * falling.flat_slope * falling.extents[S]
     )
-    n = made_up()
+    n = made_up_passage()
     found = n.crossing_bound(arb(0), arb(0), moment)
     assert (
         found * n.crossing_ratios[S].lower()
-        > n.stable_bounds(n.extents[S], arb(0), moment)[0] - HAIR
+        > n.stable_bounds(n.extents[S], arb(0), moment)[0] - ROUNDING_ALLOWANCE
     )
     for early in (0, -1):
         with pytest.raises(Unproved, match="the moment of crossing"):
@@ -424,8 +434,10 @@ def test_the_enclosures_hold_points_and_rays() -> None:
             assert abs(by[row]) <= n.B[row] * (1 + arb(2) ** -40)
             assert sum((n.M[row, k] * z[k] for k in range(3)), arb(0)).overlaps(rates[row])
             assert all(n.A[row, k].overlaps(slopes[row][k]) for k in range(3))
-            told = sum(n.C[row, k] * x for k, x in enumerate(wedge_product([2, -1, 3], [1, 4, -2])))
-            assert told.overlaps(law[row])
+            derivative = sum(
+                n.C[row, k] * x for k, x in enumerate(wedge_product([2, -1, 3], [1, 4, -2]))
+            )
+            assert derivative.overlaps(law[row])
         if abs(z[F]) < n.speed_wedge_extent:
             assert all(
                 abs(x) < y

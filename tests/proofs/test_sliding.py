@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, carry, half_flight
+from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import (
@@ -52,7 +52,7 @@ def _bits() -> Iterator[None]:
 
 def flown(start=START, omega=OMEGA, **options) -> Flight:
     """The flow from a start over `SPAN`."""
-    flight = carry(
+    flight = flow_for(
         model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
     )
     assert flight.status is None
@@ -99,7 +99,7 @@ def test_reversals_are_counted_and_the_sign_between_them_is_known(
 
 def test_a_box_that_holds_a_grazing_orbit_is_not_followed() -> None:
     start = [*map(ball, GRAZING[:2]), ball(GRAZING[2]) + arb(0, "0.001")]
-    flight = carry(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
+    flight = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
     assert flight.status is FlowStatus.GRAZING
     assert flight.path.time < ball(LATER)
 

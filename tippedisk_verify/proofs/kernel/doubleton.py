@@ -104,11 +104,11 @@ class Doubleton:
         ``centre`` is the image of the set's middle, and ``jacobian`` the map's derivatives (3, 4)
         with respect to state and Omega.
         """
-        linear_part, turned = self._mapped_columns(jacobian)
+        linear_part, mapped_axes = self._mapped_columns(jacobian)
         parts = zip(
             centre,
             matrix_times_vector(linear_part, self.deviation),
-            matrix_times_vector(turned, self.remainder),
+            matrix_times_vector(mapped_axes, self.remainder),
             strict=True,
         )
         return tuple(a + b + c for a, b, c in parts)
@@ -135,10 +135,12 @@ class Doubleton:
 
         ``jacobian`` are the map's derivatives (3, 4) with respect to state and Omega.
         """
-        linear_part, turned = self._mapped_columns(jacobian)
+        linear_part, mapped_axes = self._mapped_columns(jacobian)
         return tuple(
             tuple(row)
-            for row in matrix_sum(linear_part, matrix_product(turned, self.remainder_derivatives))
+            for row in matrix_sum(
+                linear_part, matrix_product(mapped_axes, self.remainder_derivatives)
+            )
         )
 
     def image_set(
@@ -152,7 +154,7 @@ class Doubleton:
             axes: Called with the images of the old axes (balls) and the sizes along them. Returns
                 the new axes (points).
         """
-        linear_part, turned = self._mapped_columns(jacobian)
+        linear_part, mapped_axes = self._mapped_columns(jacobian)
         image = copy(self)
         image.middle = [part.mid() for part in centre]
         image.linear_part = [[entry.mid() for entry in row] for row in linear_part]
@@ -161,7 +163,7 @@ class Doubleton:
             for part, row in zip(self.remainder, self.remainder_derivatives, strict=True)
         ]
         image.axes = [
-            [entry.mid() for entry in row] for row in axes([[*row] for row in turned], sizes)
+            [entry.mid() for entry in row] for row in axes([[*row] for row in mapped_axes], sizes)
         ]
         inverse = inverse_of_order_3(image.axes)
         left = matrix_product(
@@ -171,14 +173,14 @@ class Doubleton:
                 for jacobian in zip(linear_part, image.linear_part, strict=True)
             ],
         )
-        turned = matrix_product(inverse, turned)
+        mapped_axes = matrix_product(inverse, mapped_axes)
         offset = matrix_times_vector(
             inverse, [range_of(part - mid) for part, mid in zip(centre, image.middle, strict=True)]
         )
         parts = zip(
             offset,
             matrix_times_vector(left, self.deviation),
-            matrix_times_vector(turned, self.remainder),
+            matrix_times_vector(mapped_axes, self.remainder),
             strict=True,
         )
         image.remainder = [a + b + c for a, b, c in parts]
@@ -186,11 +188,11 @@ class Doubleton:
             image.middle_remainder = [
                 a + b
                 for a, b in zip(
-                    offset, matrix_times_vector(turned, self.middle_remainder), strict=True
+                    offset, matrix_times_vector(mapped_axes, self.middle_remainder), strict=True
                 )
             ]
         image.remainder_derivatives = matrix_sum(
-            left, matrix_product(turned, self.remainder_derivatives)
+            left, matrix_product(mapped_axes, self.remainder_derivatives)
         )
         return image
 

@@ -82,7 +82,7 @@ def krawczyk_test(
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     proposers: tuple[StepProposer, StepProposer],
     inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
     centre: PoincareImage | None = None,
@@ -95,7 +95,7 @@ def krawczyk_test(
         middle: The centre of the box, three exact numbers: both coordinates on the section, and
             Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
-        unknown: The indices of the two unknown numbers.
+        unknown_indices: The indices of the two unknown numbers.
         proposers: For the flight from the middle, and for the flight over the box.
         inverse: Returns Y, four points, given F_u over the box.
         centre: The map at the middle, if it has already been computed.
@@ -124,8 +124,8 @@ def krawczyk_test(
     return apply_krawczyk_operator(
         middle,
         deviations,
-        unknown,
-        inverse([[row[k] for k in unknown] for row in jacobian]),
+        unknown_indices,
+        inverse([[row[k] for k in unknown_indices] for row in jacobian]),
         centre,
         box,
     )
@@ -134,7 +134,7 @@ def krawczyk_test(
 def apply_krawczyk_operator(
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     inverse: Sequence[Sequence[Any]],
     centre: PoincareImage,
     box: PoincareImage,
@@ -145,19 +145,19 @@ def apply_krawczyk_operator(
     Args:
         middle: Three points: the two coordinates on the section, and Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
-        unknown: The indices of the two unknown numbers.
+        unknown_indices: The indices of the two unknown numbers.
         inverse: The matrix Y, any regular one; best near the inverse of F'.
         centre: The map at the middle.
         box: The map over the box, with derivatives.
     """
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
     jacobian = _jacobian(box)
-    (other,) = {0, 1, 2}.difference(unknown)
-    width = [deviations[k] for k in unknown]
+    (other,) = {0, 1, 2}.difference(unknown_indices)
+    width = [deviations[k] for k in unknown_indices]
     rest = [
         [
             int(i == j) - sum(inverse[i][k] * jacobian[k][column] for k in range(2))
-            for j, column in enumerate(unknown)
+            for j, column in enumerate(unknown_indices)
         ]
         for i in range(2)
     ]
@@ -167,10 +167,10 @@ def apply_krawczyk_operator(
     moved = matrix_times_vector(inverse, [row[other] for row in jacobian])
     shift = list(deviations)
     for k, spread, part, factor in zip(
-        unknown, matrix_times_vector(rest, width), residual, moved, strict=True
+        unknown_indices, matrix_times_vector(rest, width), residual, moved, strict=True
     ):
         shift[k] = spread - part - factor * deviations[other]
-    included = all(inside(shift[k], deviations[k]) for k in unknown)
+    included = all(inside(shift[k], deviations[k]) for k in unknown_indices)
     return KrawczykResult(included, middle, shift, residual, jacobian, centre, box)
 
 
@@ -255,7 +255,7 @@ def replayed_test(
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     log: Sequence[Mapping[str, Any]],
     box: Mapping[str, Any],
     name: str,
@@ -274,7 +274,7 @@ def replayed_test(
         section,
         middle,
         deviations,
-        unknown,
+        unknown_indices,
         flights,
         lambda matrix: box["inverse"],
         centre,

@@ -111,7 +111,7 @@ class SmoothModel(Model):
 
     def __init__(self, constants: Any, omega: Any, law: VectorFieldMaker | None = None) -> None:
         super().__init__(constants, omega, law or one_sided_vector_field(1))
-        self._other: SmoothModel | None = None
+        self._other_side: SmoothModel | None = None
         graph = Graph()
         variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
         numbers = type(self.constants)(*map(graph.number, self.constants))
@@ -127,13 +127,13 @@ class SmoothModel(Model):
         """
         if side >= 0:
             return self
-        if self._other is None:
+        if self._other_side is None:
             traction, epsilon = -self.constants.traction, -self.constants.epsilon
-            self._other = SmoothModel(
+            self._other_side = SmoothModel(
                 self.constants._replace(traction=traction, epsilon=epsilon), self.omega
             )
-            self._other._other = self
-        return self._other
+            self._other_side._other_side = self
+        return self._other_side
 
     def sliding_velocity_and_rate(
         self, state: Sequence[Any], *, middle: bool = False
@@ -259,7 +259,9 @@ class SlidingPath(Path):
         """
         if not self.side:
             return None
-        if positive(_signed(self.model.sliding_velocity_and_rate(step.enclosure)[0], self.side)):
+        if positive(
+            _times_sign(self.model.sliding_velocity_and_rate(step.enclosure)[0], self.side)
+        ):
             return step
         kept, crossing = self._sign_on_pieces(step)
         if kept:
@@ -278,7 +280,7 @@ class SlidingPath(Path):
             self.model.sliding_velocity_series(self.box, _VELOCITY_ORDER),
             self.model.sliding_velocity_series(step.enclosure, _VELOCITY_ORDER + 1),
         )
-        velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
+        velocity = [_times_sign(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
         length, waits, run, fall = arb(step.length), False, arb(0), arb(0)
         for piece in range(_PIECES_PER_STEP):
@@ -315,7 +317,7 @@ class SlidingPath(Path):
 
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
-                return -_signed(
+                return -_times_sign(
                     self.model.sliding_velocity_and_rate(states(time), middle=middle)[k], self.side
                 )
 
@@ -343,7 +345,9 @@ class SlidingPath(Path):
         second = onwards.step(magnitude_estimate(left * _LENGTH_MARGIN))
         if second is None or not (positive(left) and positive(second.length - left)):
             return None
-        if not negative(_signed(other.sliding_velocity_and_rate(second.enclosure)[1], self.side)):
+        if not negative(
+            _times_sign(other.sliding_velocity_and_rate(second.enclosure)[1], self.side)
+        ):
             return None
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
         own = (
@@ -372,5 +376,5 @@ def _time_since(moment: Any, time: Any) -> Any:
     return after if positive(after) else arb.nan()
 
 
-def _signed(x: Any, side: int) -> Any:
+def _times_sign(x: Any, side: int) -> Any:
     return -x if side < 0 else x

@@ -79,7 +79,7 @@ def prove_family(
     until: Fraction | None = None,
     pool: PoolMaker = lambda several: nullcontext(),
     on_stage: Callable[[str], None] = lambda name: None,
-    on_interval: IntervalCallback = lambda found, interval: None,
+    on_interval: IntervalCallback = lambda result, interval: None,
 ) -> FamilyProof:
     """Prove as much of the family of limit cycles as possible: up to the amplitude ``until`` [rad],
     or up to the connection.
@@ -100,10 +100,10 @@ def prove_family(
     connection: ProvedConnection | None = None
     near: ConnectionCyclesProof | None = None
 
-    def keep_piece(found: Piece | ArcStatus, interval: Interval) -> None:
-        if isinstance(found, Piece):
-            pieces.append(found)
-        on_interval(found, interval)
+    def keep_piece(result: Piece | ArcStatus, interval: Interval) -> None:
+        if isinstance(result, Piece):
+            pieces.append(result)
+        on_interval(result, interval)
 
     # Without the piece at the Hopf point the others are of no use.
     on_stage("the Hopf point")
@@ -260,7 +260,7 @@ def prove_intervals(
     intervals: Sequence[Interval],
     approximate_cycles: Sequence[ApproximateCycle],
     executor: Executor | None = None,
-    on_interval: IntervalCallback = lambda found, interval: None,
+    on_interval: IntervalCallback = lambda result, interval: None,
 ) -> ArcStatus | None:
     """Try to prove the family on some intervals of amplitudes, halving intervals that fail.
 
@@ -271,14 +271,14 @@ def prove_intervals(
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, approximate_cycles, executor, intervals)
-    for found, interval in jobs:
-        if isinstance(found, ArcStatus):
-            if found not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
+    for result, interval in jobs:
+        if isinstance(result, ArcStatus):
+            if result not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
                 jobs.add(interval.halves())
                 continue
-            given_up.append((interval.low, found))
+            given_up.append((interval.low, result))
             jobs.cancel_from(interval.low)
-        on_interval(found, interval)
+        on_interval(result, interval)
     return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
 
 

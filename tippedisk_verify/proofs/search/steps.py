@@ -221,9 +221,9 @@ def _rounded_centre(point: Any) -> Any:
 def searched_test(
     setting: Mapping[str, Any],
     section: PoincareSection,
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     middle: Sequence[Any],
-    sizes: Sequence[Any],
+    radii: Sequence[Any],
     third_deviation: Any,
     centre: tuple[FlightStepSearch, PoincareImage] | None = None,
 ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
@@ -233,9 +233,10 @@ def searched_test(
     Args:
         setting: The disk and the friction law.
         section: The section whose map is tested for a fixed point.
-        unknown: The indices of the two unknown numbers among the three (both coordinates, Omega).
+        unknown_indices: The indices of the two unknown numbers among the three (both coordinates,
+            Omega).
         middle: The box's centre, three exact numbers.
-        sizes: The radii of the box for the two unknown numbers.
+        radii: The radii of the box for the two unknown numbers.
         third_deviation: A ball about zero, the deviation of the third number.
         centre: The search and the flight from the centre, if they have already been computed.
     """
@@ -247,13 +248,24 @@ def searched_test(
         preconditioner[:] = midpoint_inverse(matrix)
         return preconditioner
 
-    deviations = [arb(0, size) for size in sizes]
-    deviations.insert({0, 1, 2}.difference(unknown).pop(), third_deviation)
+    deviations = [arb(0, size) for size in radii]
+    deviations.insert({0, 1, 2}.difference(unknown_indices).pop(), third_deviation)
     fixed = krawczyk_test(
-        setting, section, middle, deviations, unknown, (centre_search, box_search), inverse, flight
+        setting,
+        section,
+        middle,
+        deviations,
+        unknown_indices,
+        (centre_search, box_search),
+        inverse,
+        flight,
     )
-    box = {"radii": sizes, "inverse": preconditioner, "flight": box_search}
-    return fixed, {"middle": [middle[k] for k in unknown], "centre": centre_search, "box": box}
+    box = {"radii": radii, "inverse": preconditioner, "flight": box_search}
+    return fixed, {
+        "middle": [middle[k] for k in unknown_indices],
+        "centre": centre_search,
+        "box": box,
+    }
 
 
 def axes_of_balls(moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:

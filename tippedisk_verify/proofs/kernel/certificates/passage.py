@@ -94,7 +94,6 @@ Math. 20 (1990); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Secti
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -108,6 +107,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
+    columnwise_hull,
     cone_conditions,
     hull_of_ball_array,
     magnitude_bound,
@@ -158,7 +158,7 @@ class SaddlePassage:
             np.maximum(k - m, m - 1 - k) * n // m,
         )
         whole: list[list[Any]] = [[] for _ in range(n)]
-        speed_wedge_bounds: list[Any] = []
+        speed_wedges: list[Any] = []
         for begin in range(0, len(i), _AT_ONCE):
             block = slice(begin, begin + _AT_ONCE)
             z = [
@@ -166,16 +166,11 @@ class SaddlePassage:
                 for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
             ]
             held, mixed = self._enclose_over_cells(z, (k[block] == m) | (k[block] == m - 1))
-            speed_wedge_bounds += mixed
+            speed_wedges += mixed
             for shell in np.unique(shells[block]):
                 whole[shell].append([hull_of_ball_array(x[shells[block] == shell]) for x in held])
-        self.speed_wedge_bounds = [
-            magnitude_bound(reduce(arb.union, column))
-            for column in zip(*speed_wedge_bounds, strict=True)
-        ]
-        self._set_matrices(
-            [[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole]
-        )
+        self.speed_wedge_bounds = [magnitude_bound(hull) for hull in columnwise_hull(speed_wedges)]
+        self._set_matrices([columnwise_hull(parts) for parts in whole])
 
     def _enclose_over_cells(
         self, z: list[Any], central: NDArray[np.bool_]
@@ -496,19 +491,21 @@ def enclose_arrivals(
         extents[S],
     )
     maxima: list[list[Any]] = []
-    passed_extreme = np.zeros(len(lengths), bool)
+    has_maximum = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
         step = StepTrial(path, (_ORDER, _ORDER)).tested_step(BallArray(lengths))
         _require_all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
         )
-        at_extreme = _may_have_maximum(path.model, step)
-        if at_extreme.any():
+        may_have_maximum = _may_have_maximum(path.model, step)
+        if may_have_maximum.any():
             half = step.length / 2
             by = step.path_derivatives_at(half + half.around_zero())[0][1:]
-            maxima.append([hull_of_ball_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
-        passed_extreme |= at_extreme
+            maxima.append(
+                [hull_of_ball_array(x[may_have_maximum]) for x in (step.enclosure[0], *by)]
+            )
+        has_maximum |= may_have_maximum
         on_progress(number / count)
         if number == count:
             break
@@ -520,8 +517,8 @@ def enclose_arrivals(
             (-level).positive(),
             rate.positive() | (-s - z[S]).positive(),
         )
-    _require_all("beta_bar is not shown to have a largest value on the way", passed_extreme)
-    beta = [reduce(arb.union, column) for column in zip(*maxima, strict=True)]
+    _require_all("beta_bar is not shown to have a largest value on the way", has_maximum)
+    beta = columnwise_hull(maxima)
     time, *landed = _enclosed_arrival(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
@@ -566,13 +563,13 @@ def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
         beta.positive(),
         (ball(BELOW_HALF_PI) - beta).positive(),
     )
-    at_extreme: NDArray[np.bool_] = ~(v.positive() | v.negative())
-    if at_extreme.any():
+    may_have_maximum: NDArray[np.bool_] = ~(v.positive() | v.negative())
+    if may_have_maximum.any():
         _require_all(
             "v is not shown to pass zero once",
-            ~at_extreme | model.rates(step.enclosure)[2].negative(),
+            ~may_have_maximum | model.rates(step.enclosure)[2].negative(),
         )
-    return at_extreme
+    return may_have_maximum
 
 
 def _enclosed_arrival(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:

@@ -103,6 +103,7 @@ __all__ = [
     "UNSTABLE",
     "ManifoldGraph",
     "SaddleCoordinates",
+    "columnwise_hull",
     "cone_conditions",
     "hull_of_ball_array",
     "magnitude_bound",
@@ -173,6 +174,11 @@ def hull_of_ball_array(x: BallArray) -> Any:
         np.nextafter(x.midpoints + x.radii, np.inf).max(),
     )
     return arb(float(low)).union(arb(float(high)))
+
+
+def columnwise_hull(rows: Sequence[Sequence[Any]]) -> list[Any]:
+    """Return, for each column of Arb's balls, a ball that contains all balls of the column."""
+    return [reduce(arb.union, column) for column in zip(*rows, strict=True)]
 
 
 def wedge_product(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
@@ -302,7 +308,7 @@ class SaddleCoordinates:
             for own, model in self._models.items()
             if own is None or side in (None, own)
         ]
-        derivatives = [reduce(arb.union, column) for column in zip(*sets, strict=True)]
+        derivatives = columnwise_hull(sets)
         return (
             derivatives[:3],
             [derivatives[3 + row : 12 : 3] for row in range(3)],
