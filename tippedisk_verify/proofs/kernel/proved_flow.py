@@ -110,8 +110,7 @@ class Model:
             balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
         make_vector_field: The equations, if they are not those of the linear law.
-        extra_parameters: Further numbers on which the ``make_vector_field`` depends; it takes them
-            after the speed.
+        extra_parameters: Further numbers that ``make_vector_field`` takes after the speed.
     """
 
     def __init__(

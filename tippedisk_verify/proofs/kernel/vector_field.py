@@ -36,8 +36,8 @@ __all__ = [
     "vector_field",
 ]
 
-#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops``
-#: has sin and cos. A law may take further numbers.
+#: Called with (ops, constants, omega), and perhaps further numbers, it returns the vector field: a
+#: function of the state that returns its three rates. ``ops`` has sin and cos.
 VectorFieldMaker = Callable[..., Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: The units of a disk's eight numbers, in the order in which sentences name them
@@ -111,7 +111,7 @@ def vector_field(
         s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
         rho = r + e * c
         rho_s = rho * s
-        rho_s_squared = s * rho_s  # rho s^2
+        rho_s_squared = s * rho_s
         mass = b + inertia_difference * (t * t) + rho_s * rho_s
         rho_v = rho * v
         gyroscopic_factor = twice_inertia_difference * c + e * rho - three_e * rho_s_squared
@@ -121,7 +121,7 @@ def vector_field(
             - g * rho
         )
         gamma_y_over_C = rho_v + e_omega * (C * t)  # gamma_y / C
-        w_y_gamma_y = (rho - rho_s_squared) * gamma_y_over_C  # w_y gamma_y
+        w_y_gamma_y = (rho - rho_s_squared) * gamma_y_over_C
         if law == "linear":
             friction_term = constants.k * w_y_gamma_y
         else:
@@ -134,7 +134,7 @@ def vector_field(
 
 
 def one_sided_vector_field(side: int) -> VectorFieldMaker:
-    """Return the analytic friction law of one side: the smooth law where gamma_y has the sign
+    """Return the analytic vector field of one side: the smooth law's where gamma_y has the sign
     ``side``, 1 or -1.
     """
     return lambda ops, constants, omega: vector_field(ops, constants, omega, side)
