@@ -149,12 +149,14 @@ class Certifier:
 
         section, speed = ROTATING_SECTION if rotating else LIBRATING_SECTION, self.disk.speed(omega)
         try:
-            start = guess or self._start(speed, rotating, stable)
+            start = guess or self._start_of_proof(speed, rotating, stable)
         except NoSuchCycleError as fault:
             return CycleProof(section, CycleStatus.NO_GUESS, str(fault), self.disk, speed, 0)
         return prove_cycle(self.disk, speed, start, digits=digits, section=section)
 
-    def _start(self, speed: Fraction, rotating: bool, stable: bool | None) -> tuple[object, object]:
+    def _start_of_proof(
+        self, speed: Fraction, rotating: bool, stable: bool | None
+    ) -> tuple[object, object]:
         """Return both section coordinates of the cycle that `Disk` finds, from which a proof
         starts.
 
@@ -273,7 +275,7 @@ class Certifier:
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
-                return ProvedConnection(ConnectionStatus.NO_SADDLE, where=str(fault))
+                return ProvedConnection(ConnectionStatus.NO_SADDLE, outcome_detail=str(fault))
 
     def near_omega_h(
         self,
@@ -311,7 +313,7 @@ class Certifier:
                 shares.append(int(100 * share))
                 advance("limit cycles", shares[-1] - shares[-2])
 
-            return prove_connection_cycles(connection, distance, watch=watch)
+            return prove_connection_cycles(connection, distance, on_progress=watch)
 
     def branch(
         self,
@@ -358,13 +360,13 @@ class Certifier:
                         - int(_BAR_STEPS_PER_RAD * interval.low),
                     )
 
-            def connected_at(digits: int) -> Fraction | None:
+            def omega_h_at(digits: int) -> Fraction | None:
                 try:
                     return self.disk.heteroclinic(digits=digits).omega_h.value
                 except (NoConnectionError, AccuracyError):
                     return None
 
-            def librating_cycles_at(speeds: list[Fraction] | None) -> list[Any]:
+            def cycles_at(speeds: list[Fraction] | None) -> list[Any]:
                 try:
                     branch = self.disk.branch(speeds, progress=False)
                 except NoSuchCycleError as fault:
@@ -380,12 +382,12 @@ class Certifier:
             advance("arcs", 0)
             return prove_family(
                 self.disk,
-                connected_at,
-                librating_cycles_at,
+                omega_h_at,
+                cycles_at,
                 until=wanted,
                 pool=workers,
-                watch=watch,
-                stage=lambda name: advance(name, 0),
+                on_interval=watch,
+                on_stage=lambda name: advance(name, 0),
             )
 
 

@@ -11,16 +11,21 @@ from typing import Any
 
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, fixed_points
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, apply_krawczyk_operator
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
-    return_map,
+    enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, short_float
+from tippedisk_verify.proofs.kernel.proved_flow import (
+    FlowStatus,
+    Model,
+    Path,
+    rounded_down_to_20_bits,
+)
+from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
@@ -63,7 +68,7 @@ class Flight:
         return self.path.divergence
 
 
-def carry(
+def flow_for(
     model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
 ) -> Flight:
     """The flow for a positive time from a box of states."""
@@ -72,7 +77,10 @@ def carry(
     while True:
         left = span - path.time  # positive: what was taken is proved to be shorter
         step = path.step(
-            max(share * short_float(float(left.abs_upper()) * (1 + 2.0**-18)), 2 * MIN_STEP)
+            max(
+                share * rounded_down_to_20_bits(float(left.abs_upper()) * (1 + 2.0**-18)),
+                2 * MIN_STEP,
+            )
         )
         if step is None:
             return Flight(path.status or FlowStatus.NO_ENCLOSURE, path)
@@ -82,16 +90,16 @@ def carry(
         share = 1.0
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
-            path.take(step, left)
-            return Flight(None, path, upright, path.matrix if derivatives else None)
-        path.take(step)
+            path.take_step(step, left)
+            return Flight(None, path, upright, path.derivatives if derivatives else None)
+        path.take_step(step)
 
 
 #: What tampers with a certificate.
-Change = Callable[[dict[str, Any]], None]
+ChangeOfContent = Callable[[dict[str, Any]], None]
 
 
-def put(*path: Any) -> Change:
+def replace_entry(*path: Any) -> ChangeOfContent:
     """The last of the names is the value, or a function of the old one."""
 
     def act(content: dict[str, Any]) -> None:
@@ -108,39 +116,45 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> SectionReturn:
+def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The half map over a box."""
-    return return_map(model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options)
+    return enclose_poincare_map(
+        model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options
+    )
 
 
-def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> SectionReturn:
+def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The turn map over a box."""
-    return return_map(model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options)
+    return enclose_poincare_map(
+        model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options
+    )
 
 
-def fixed_in(
+def krawczyk_result(
     model: Model,
     middle: Sequence[Any],
     radii: Sequence[Any],
     section: PoincareSection = LIBRATING_SECTION,
-) -> FixedPoints | None:
+) -> KrawczykResult | None:
     """Krawczyk's test for all speeds of the model at once; None if the map could not be
     followed.
     """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
-    centre = return_map(model, section, middle, FlightStepSearch())
-    over = return_map(model, section, box, FlightStepSearch(), derivatives=True)
+    centre = enclose_poincare_map(model, section, middle, FlightStepSearch())
+    over = enclose_poincare_map(model, section, box, FlightStepSearch(), derivatives=True)
     if (centre.status, over.status) != (FlowStatus.RETURNED, FlowStatus.RETURNED):
         return None
-    (a, b), (c, d) = over.matrix
+    (a, b), (c, d) = over.image_by_start
     inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))
-    return fixed_points([*middle, arb(0)], [*away, arb(0)], (0, 1), inverse, centre, over)
+    return apply_krawczyk_operator(
+        [*middle, arb(0)], [*away, arb(0)], (0, 1), inverse, centre, over
+    )
 
 
-def included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+def box_is_included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
     """Whether the box passes the test."""
-    fixed = fixed_in(model, middle, radii)
+    fixed = krawczyk_result(model, middle, radii)
     return fixed is not None and fixed.included
 
 

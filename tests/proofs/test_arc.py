@@ -19,11 +19,15 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import Precision
 from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
-from tippedisk_verify.proofs.kernel.half_map_of_curves import UNKNOWNS, Arc, arc_test
+from tippedisk_verify.proofs.kernel.half_map_of_curves import (
+    UNKNOWN_INDICES,
+    Arc,
+    krawczyk_test_of_arc,
+)
 from tippedisk_verify.proofs.kernel.jets import Jet
-from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.curve_choices import CurveStepSearch, family_polynomials
+from tippedisk_verify.proofs.search.arc_evidence import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle_proof import CycleProof, prove_cycle
 
 OMEGA = speed_below(PRINTED, "0.5")
@@ -59,12 +63,16 @@ def curve(
 
 @lru_cache(maxsize=1)
 def flown() -> tuple[
-    half_map_of_curves.Curve, half_map_of_curves.CurveFlight, list[dict[str, Any]]
+    half_map_of_curves.Curve, half_map_of_curves.HalfMapEnclosure, list[dict[str, Any]]
 ]:
     """A curve with deviations in all three numbers, its flight and the flight's log."""
     with working_precision(64):
-        line, choices = curve("3e-4", "1e-5", 2, SWING, "0.3086"), CurveStepSearch()
-        return line, half_map_of_curves.fly(ball_constants(WIDE), line, choices), choices.log
+        line, proposer = curve("3e-4", "1e-5", 2, SWING, "0.3086"), CurveStepSearch()
+        return (
+            line,
+            half_map_of_curves.enclose_half_map(ball_constants(WIDE), line, proposer),
+            proposer.log,
+        )
 
 
 @pytest.mark.slow(minutes=0.3)
@@ -81,26 +89,26 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     ):
         with working_precision(250):
             start = [
-                polynomial(jet.c, ball(s)) + sign * ball("1e-5")
+                evaluate_polynomial(jet.coefficients, ball(s)) + sign * ball("1e-5")
                 for jet, sign in zip((line.gamma_bar, line.v, line.omega), signs, strict=True)
             ]
             *image, time, divergence = integrated(
                 *(ball_to_measured(part.mid()).value for part in start)
             )
-            assert polynomial(flight.divergence.c, ball(s)).contains(divergence)
+            assert evaluate_polynomial(flight.divergence.coefficients, ball(s)).contains(divergence)
             if not any(signs):
-                assert polynomial(flight.own_time.c, ball(s)).contains(time)
+                assert evaluate_polynomial(flight.curve_time.coefficients, ball(s)).contains(time)
             for own, row, x in zip(
-                (*flight.image, flight.own_time),
-                (*flight.matrix, flight.time_by),
+                (*flight.image, flight.curve_time),
+                (*flight.image_by_start, flight.time_by_start),
                 (*image, time),
                 strict=True,
             ):
                 moved = sum(
-                    polynomial(entry.c, ball(s)) * sign
+                    evaluate_polynomial(entry.coefficients, ball(s)) * sign
                     for entry, sign in zip(row, signs, strict=True)
                 ) * ball("1e-5")
-                assert (polynomial(own.c, ball(s)) + moved).contains(x)
+                assert (evaluate_polynomial(own.coefficients, ball(s)) + moved).contains(x)
 
 
 @lru_cache(maxsize=4)
@@ -127,7 +135,7 @@ def integrated(gamma_bar: Fraction, v: Fraction, omega: Fraction) -> list[Any]:
 
 
 #: of a log's entries: what is done to them, and what is said
-SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
+SPOILED_LOGS: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
     "a step is three times as long": (
         lambda log: log[5].update(share=str(3 * float(log[5]["share"]))),
         "enclosure|return|move|section|further steps",
@@ -148,25 +156,27 @@ SPOILED: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
     line, flight, log = flown()
     with working_precision(64):
-        again = half_map_of_curves.fly(
+        again = half_map_of_curves.enclose_half_map(
             ball_constants(WIDE), line, half_map_of_curves.CurveReplay(log)
         )
         assert all(
             a.overlaps(b) and a.contains(b)
-            for a, b in zip(again.own_time.c, flight.own_time.c, strict=True)
+            for a, b in zip(
+                again.curve_time.coefficients, flight.curve_time.coefficients, strict=True
+            )
         )
-        for spoil, said in SPOILED.values():
+        for spoil, said in SPOILED_LOGS.values():
             spoiled = json.loads(json.dumps(log))
             spoil(spoiled)
             with pytest.raises(certificates.Unproved, match=said):
-                half_map_of_curves.fly(
+                half_map_of_curves.enclose_half_map(
                     ball_constants(WIDE), line, half_map_of_curves.CurveReplay(spoiled)
                 )
 
 
 def test_a_flight_ends_where_the_disk_lies_flat() -> None:
     with working_precision(64), pytest.raises(certificates.Unproved, match="upright"):
-        half_map_of_curves.fly(
+        half_map_of_curves.enclose_half_map(
             ball_constants(PRINTED),
             curve("1e-9", "0", 1, ("0.5", "-400", OMEGA)),
             CurveStepSearch(),
@@ -181,11 +191,11 @@ def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
         constants, start, length, 2, ball(LIBRATING_SECTION), half_map_of_curves.Curve
     )
     deviation = [arb(0), arb(0), arb(0)]
-    for k in UNKNOWNS:
-        deviation[k] = arb(0, abs(polynomials[k].c[1]) * ball(share))
+    for k in UNKNOWN_INDICES:
+        deviation[k] = arb(0, abs(polynomials[k].coefficients[1]) * ball(share))
         polynomials[k] = polynomials[k] + off * deviation[k].rad()
     g, v, omega = polynomials
-    return arc_test(
+    return krawczyk_test_of_arc(
         constants, half_map_of_curves.Curve(g, v, omega, deviation, half), CurveStepSearch()
     )
 
@@ -209,17 +219,23 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert (
             found.period_slope().range().overlaps(ball(numbers["dperiod_domega"].value) / by_omega)
         )
-        assert (found.falling(), found.slowing(), found.widening()) == (True, True, True)
+        assert (found.speed_falls(), found.period_grows(), found.beta_max_grows()) == (
+            True,
+            True,
+            True,
+        )
         assert not arc_of("1e-6", off=3).included  # a box beside the family
         truth = cycle(Fraction(1)).numbers()
-        s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.c[0])) / ball("5e-3")
+        s = (ball(truth["gamma_bar_0"].value) - ball(found.curve.gamma_bar.coefficients[0])) / ball(
+            "5e-3"
+        )
         for jet, off, value in zip(
             (found.curve.v, found.curve.omega),
-            found.within,
+            found.shift,
             (truth["v_0"].value, OMEGA + Fraction(RADIUS)),
             strict=True,
         ):
-            assert (polynomial(jet.c, s) + off).contains(ball(value))
+            assert (evaluate_polynomial(jet.coefficients, s) + off).contains(ball(value))
 
 
 def test_a_saddle_is_not_stable() -> None:
@@ -228,7 +244,7 @@ def test_a_saddle_is_not_stable() -> None:
     P' has a small determinant and a trace of 0.9.
     """
     slopes = Jet([arb(0)]), Jet([arb(-1)])  # of the unknowns: Omega falls
-    flight = SimpleNamespace(divergence=Jet([arb(-10)]), matrix=None)
+    flight = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):
         curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
         arc = Arc(True, curve, flight, (), slopes, Jet([arb(determinant)]))

@@ -91,10 +91,10 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
     *state, speeds = (BallArray(*np.array(column).T) for column in columns)
     model = Model(Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED))), speeds)
     tangents = [int(row == column) for column in range(4) for row in range(3)]
-    found = model.variational.coefficients(
+    found = model.variational_system.coefficients(
         [*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER
     )
-    thin = model.orbit.coefficients([part.mid() for part in state], ORDER)
+    thin = model.midpoint_system.coefficients([part.mid() for part in state], ORDER)
     with working_precision(200):
         for place in range(count):
             for turn in range(3):
@@ -106,7 +106,9 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
                     for column, share in zip(columns, shares, strict=True)
                 )
                 exact = Model(ball_constants(PRINTED), omega)
-                images = exact.variational.coefficients([*point, *map(ball, tangents)], ORDER)
+                images = exact.variational_system.coefficients(
+                    [*point, *map(ball, tangents)], ORDER
+                )
                 pairs = [
                     *zip(found, images, strict=True),
                     *(() if turn else zip(thin, images[:3], strict=True)),
@@ -129,11 +131,11 @@ def _assert_within(found: BallArray, place: int, image: object) -> None:
 def test_an_earlier_result_is_not_overwritten() -> None:
     constants = Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED)))
     model = Model(constants, BallArray(np.full(2, 30.4)))
-    first = model.orbit.coefficients(
+    first = model.midpoint_system.coefficients(
         [BallArray([0.1, 0.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     kept = [part.midpoints.copy() for part in first[2]]
-    model.orbit.coefficients(
+    model.midpoint_system.coefficients(
         [BallArray([1.1, 1.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     assert all((a == b.midpoints).all() for a, b in zip(kept, first[2], strict=True))
@@ -152,8 +154,18 @@ class Fault(NamedTuple):
 
 
 FAULTS = [
-    Fault("radii are rounded down", "_UP = 1 + 16 * _U", "_UP = 1 - 16 * _U", "binary"),
-    Fault("no term for underflow", "_TINY = 2.0**-1000", "_TINY = 0.0", "binary"),
+    Fault(
+        "radii are rounded down",
+        "_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF",
+        "_RADIUS_FACTOR = 1 - 16 * _UNIT_ROUNDOFF",
+        "binary",
+    ),
+    Fault(
+        "no term for underflow",
+        "_UNDERFLOW_ALLOWANCE = 2.0**-1000",
+        "_UNDERFLOW_ALLOWANCE = 0.0",
+        "binary",
+    ),
     Fault("a forgotten ulp: no midpoint's rounding", "    radius += rounding\n", "", "binary"),
     Fault(
         "a sum's radii are subtracted",
@@ -171,12 +183,17 @@ FAULTS = [
     Fault("a divisor may hold zero", "~(distance > 0)", "distance == 0", "binary"),
     Fault(
         "the quotient forgets the divisor's radius",
-        "        radius *= b._rad / distance + _TINY\n",
-        "        radius *= _TINY\n",
+        "        radius *= b._rad / distance + _UNDERFLOW_ALLOWANCE\n",
+        "        radius *= _UNDERFLOW_ALLOWANCE\n",
         "binary",
     ),
     Fault("pi ends after its second part", "_HALF_PI_B) - n * _HALF_PI_C", "_HALF_PI_B)", "sines"),
-    Fault("the cosine's rounding is dropped", "turned + 2.5 * _U\n", "turned\n", "sines"),
+    Fault(
+        "the cosine's rounding is dropped",
+        "reduction_error + 2.5 * _UNIT_ROUNDOFF",
+        "reduction_error",
+        "sines",
+    ),
     Fault("the sine's curvature is dropped", "slope * r + 0.5 * r * r", "slope * r", "sines"),
     Fault(
         "what touches zero is positive",
@@ -184,10 +201,15 @@ FAULTS = [
         "(self._mid >= self._rad)",
         "predicates",
     ),
-    Fault("the convolution's sum is not rounded", "(self._length + 0.5) * _U", "0", "convolutions"),
+    Fault(
+        "the convolution's sum is not rounded",
+        "(self._length + 0.5) * _UNIT_ROUNDOFF",
+        "0",
+        "convolutions",
+    ),
     Fault(
         "the convolution's radius is rounded to nearest",
-        "1 + (4 * k + 32) * _U",
+        "1 + (4 * k + 32) * _UNIT_ROUNDOFF",
         "1.0",
         "convolutions",
     ),
@@ -230,7 +252,7 @@ def mutant(old: str, new: str) -> ModuleType:
     assert sum(source.count(old) for source in SOURCES.values()) == 1, old
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
-    copies[ball_array].outward = copies[doubles].outward
+    copies[ball_array].outward_rounded = copies[doubles].outward_rounded
     for name in ("unchecked_ball_array", "with_rounding"):
         setattr(copies[ball_array_series], name, getattr(copies[ball_array], name))
     copies[ball_array].BallArraySeries = copies[ball_array_series].BallArraySeries

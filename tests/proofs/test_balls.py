@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.field import field
+from tippedisk_verify.proofs.kernel.vector_field import vector_field
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
@@ -159,7 +159,7 @@ def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
     def change(name: str, value: int) -> None:
         for place, usual in (
             ("closed_forms.rates", rates),
-            ("kernel.certificates.saddle.field", field),
+            ("kernel.certificates.saddle.vector_field", vector_field),
         ):
 
             def spoilt(*arguments: Any, usual: Callable[..., Any] = usual) -> Any:

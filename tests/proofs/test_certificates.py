@@ -16,7 +16,7 @@ import pytest
 from flint import arb, ctx
 
 from tests.command_line import answer, assert_refused, printed, ran
-from tests.proofs.cases import put
+from tests.proofs.cases import replace_entry
 from tests.proofs.test_cycle import OMEGA, proved_cycle
 from tests.proofs.test_fold import SUBCRITICAL, SUBCRITICAL_FOLD
 from tests.proofs.test_sliding import GUESS as SMOOTH_GUESS
@@ -26,9 +26,9 @@ from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
 from tippedisk_verify.proofs.kernel import certificates, krawczyk, sliding
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    dyadic,
     dyadic_text,
-    require_within_claim,
+    read_dyadic,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.certificates import verify_content
 from tippedisk_verify.proofs.kernel.taylor_recurrences import System
@@ -44,7 +44,7 @@ PROOFS: dict[str, Callable[[], Any]] = {
     "fold": lambda: prove_fold(SUBCRITICAL, SUBCRITICAL_FOLD, digits=5),
 }
 Names = tuple[Any, ...]
-Change = tuple[str, Callable[[Any], None]]
+ChangeOfContent = tuple[str, Callable[[Any], None]]
 
 
 @lru_cache(maxsize=4)
@@ -83,7 +83,7 @@ def flights(content: Any) -> list[Names]:
 
 
 KNOWN: dict[Any, Any] = {}
-LAW_MODEL, COEFFICIENTS = sliding.law_model, System.coefficients
+LAW_MODEL, COEFFICIENTS = sliding.model_for_friction, System.coefficients
 
 
 @pytest.fixture(scope="module")
@@ -113,7 +113,7 @@ def remembered() -> Iterator[None]:
         return [list(column) for column in KNOWN[key]]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(krawczyk, "law_model", model)
+        patch.setattr(krawczyk, "model_for_friction", model)
         patch.setattr(System, "coefficients", coefficients)
         yield
     KNOWN.clear()
@@ -161,7 +161,7 @@ def times(number: str, power: int) -> str:
 
 def further(number: str) -> str:
     with working_precision(2000):
-        return dyadic_text(dyadic(number) + dyadic("1p-16"))
+        return dyadic_text(read_dyadic(number) + read_dyadic("1p-16"))
 
 
 def _beyond(number: dict[str, str]) -> dict[str, str]:
@@ -170,7 +170,7 @@ def _beyond(number: dict[str, str]) -> dict[str, str]:
     return {**number, "value": exact_text(value)}
 
 
-def false_claims(content: Any) -> Iterator[Change]:
+def false_claims(content: Any) -> Iterator[ChangeOfContent]:
     """Every number elsewhere, and sharper than it is known; every parameter; the law; the
     speed; the rest.
     """
@@ -181,82 +181,92 @@ def false_claims(content: Any) -> Iterator[Change]:
         if fold and name == first:  # of a fold the arc, which is what the claim is about
             continue
         number = ("claim", "numbers", name)
-        yield f"{name} elsewhere", put(*number, _beyond)
+        yield f"{name} elsewhere", replace_entry(*number, _beyond)
         yield (
             f"{name} too sharp",
-            put(*number, "uncertainty", lambda w: exact_text(Fraction(w) / 10**9)),
+            replace_entry(*number, "uncertainty", lambda w: exact_text(Fraction(w) / 10**9)),
         )
-        yield f"{name} of negative width", put(*number, "uncertainty", lambda w: f"-{w}")
+        yield f"{name} of negative width", replace_entry(*number, "uncertainty", lambda w: f"-{w}")
     for name in SYMBOLS:
         yield (
             f"another {name}",
-            put("claim", "parameters", name, lambda v: exact_text(Fraction(v) * 1001 / 1000)),
+            replace_entry(
+                "claim", "parameters", name, lambda v: exact_text(Fraction(v) * 1001 / 1000)
+            ),
         )
-    yield "a negative mass", put("claim", "parameters", "m", "-0.435")
+    yield "a negative mass", replace_entry("claim", "parameters", "m", "-0.435")
     yield (
         "another law",
-        put("claim", "friction", lambda law: "linear" if law == "smooth" else "smooth"),
+        replace_entry("claim", "friction", lambda law: "linear" if law == "smooth" else "smooth"),
     )
     other = {"limit cycle": "rotating limit cycle", "rotating limit cycle": "limit cycle"}
     yield (
         "another kind",
-        put("claim", "kind", other.get(claim["kind"], "fold of rotating limit cycles")),
+        replace_entry("claim", "kind", other.get(claim["kind"], "fold of rotating limit cycles")),
     )
     if fold:
         arc = ("claim", "numbers", first)
         yield (
             "another extremum",
-            put("claim", "extremum", lambda e: "smallest" if e == "largest" else "largest"),
+            replace_entry(
+                "claim", "extremum", lambda e: "smallest" if e == "largest" else "largest"
+            ),
         )
         yield (
             "an arc beside",
-            put(*arc, "value", lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))),
+            replace_entry(*arc, "value", lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))),
         )
-        yield "an empty arc", put(*arc, "uncertainty", "0")
-        yield "a longer arc", put(*arc, "uncertainty", lambda x: exact_text(10 * Fraction(x)))
+        yield "an empty arc", replace_entry(*arc, "uncertainty", "0")
+        yield (
+            "a longer arc",
+            replace_entry(*arc, "uncertainty", lambda x: exact_text(10 * Fraction(x))),
+        )
         return
     yield (
         "another speed",
-        put("claim", "omega", lambda x: exact_text(Fraction(x) + Fraction(1, 10**6))),
+        replace_entry("claim", "omega", lambda x: exact_text(Fraction(x) + Fraction(1, 10**6))),
     )
-    yield "another stability", put("claim", "stable", lambda stable: not stable)
+    yield "another stability", replace_entry("claim", "stable", lambda stable: not stable)
     for name in claim["unique_within"]:
-        yield f"alone too far in {name}", put("claim", "unique_within", name, "1")
+        yield f"alone too far in {name}", replace_entry("claim", "unique_within", name, "1")
     if claim["friction"] == "linear":
         yield "reversals, which this law does not have", lambda c: c["claim"].update(reversals=4)
     else:
-        yield "other reversals", put("claim", "reversals", lambda n: n + 2)
+        yield "other reversals", replace_entry("claim", "reversals", lambda n: n + 2)
         yield "no reversals", lambda c: c["claim"].pop("reversals")
 
 
-def other_evidence(content: Any) -> Iterator[Change]:
+def other_evidence(content: Any) -> Iterator[ChangeOfContent]:
     """Each flight's box, and its steps in the middle and at the end."""
     for names in flights(content):
         for index in (0, 1):
             if names[-1] == "centre":
-                yield f"{names} elsewhere", put(*names[:-1], "middle", index, further)
+                yield f"{names} elsewhere", replace_entry(*names[:-1], "middle", index, further)
                 continue
-            yield f"{names} without {index}", put(*names[:-1], "radii", index, "0p0")
+            yield f"{names} without {index}", replace_entry(*names[:-1], "radii", index, "0p0")
         if names[-1] != "centre":
             # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
             inverse = (*names[:-1], "inverse")
             yield (
                 f"{names} inverse",
-                put(*inverse, lambda y: [[times(x, 2) for x in row] for row in y]),
+                replace_entry(*inverse, lambda y: [[times(x, 2) for x in row] for row in y]),
             )
         steps = at(content, names)
         entry = (*names, len(steps) // 2)
         first = (*entry, "steps", 0)
-        yield f"{entry} much longer", put(*first, 0, lambda h: times(h, 3))
-        yield f"{entry} backwards", put(*first, 0, lambda h: f"-{h}")
-        yield f"{entry} of order 1", put(*first, lambda s: [s[0], 1, 1])
-        yield f"{entry} flat axes", put(*entry, "axes", lambda a: [a[0], a[0], a[2]])
-        yield f"{entry} untested", put(*entry, "steps", [])
+        yield f"{entry} much longer", replace_entry(*first, 0, lambda h: times(h, 3))
+        yield f"{entry} backwards", replace_entry(*first, 0, lambda h: f"-{h}")
+        yield f"{entry} of order 1", replace_entry(*first, lambda s: [s[0], 1, 1])
+        yield f"{entry} flat axes", replace_entry(*entry, "axes", lambda a: [a[0], a[0], a[2]])
+        yield f"{entry} untested", replace_entry(*entry, "steps", [])
         for index in [index for index, step in enumerate(steps) if len(step["steps"]) > 1][:1]:
-            yield f"{names} nothing behind a change", put(*names, index, "steps", lambda s: s[:1])
+            yield (
+                f"{names} nothing behind a change",
+                replace_entry(*names, index, "steps", lambda s: s[:1]),
+            )
             yield (
                 f"{names} too short behind a change",
-                put(*names, index, "steps", 1, 0, lambda h: times(h, -6)),
+                replace_entry(*names, index, "steps", 1, 0, lambda h: times(h, -6)),
             )
         here = lambda c, names=names: at(c, names)  # noqa: E731
         yield f"{names} last step missing", lambda c, here=here: here(c).pop()
@@ -266,10 +276,10 @@ def other_evidence(content: Any) -> Iterator[Change]:
             lambda c, here=here: here(c).__delitem__(slice(7, None, 3)),
         )
         yield f"{names} another step at the end", lambda c, here=here: here(c).append(here(c)[3])
-    yield "24 bits", put("bits", 24)
+    yield "24 bits", replace_entry("bits", 24)
 
 
-def unreadable(content: Any) -> list[Change]:
+def unreadable(content: Any) -> list[ChangeOfContent]:
     """Return certificates with values that are no numbers here, and with other shapes."""
     step = (*flights(content)[0], 3)
     points = (
@@ -302,20 +312,23 @@ def unreadable(content: Any) -> list[Change]:
         "1e99999",
     )
     return [
-        *((f"{x!r} for a point", put(*step, "axes", 0, 0, x)) for x in points),
-        *((f"{x!r} for a decimal", put("claim", "parameters", "g", x)) for x in decimals),
-        *((f"{x!r} bits", put("bits", x)) for x in (0, 1, -1, 1.0, "64", True, 10**9, None, 23)),
+        *((f"{x!r} for a point", replace_entry(*step, "axes", 0, 0, x)) for x in points),
+        *((f"{x!r} for a decimal", replace_entry("claim", "parameters", "g", x)) for x in decimals),
+        *(
+            (f"{x!r} bits", replace_entry("bits", x))
+            for x in (0, 1, -1, 1.0, "64", True, 10**9, None, 23)
+        ),
         ("unknown member", lambda c: c.update(comment="true")),
-        ("unknown member of a step", put(*step, lambda s: s | {"note": "1p0"})),
-        ("a step of two numbers", put(*step, "steps", 0, lambda s: s[:2])),
-        ("a step of four numbers", put(*step, "steps", 0, lambda s: [*s, 1])),
-        ("a fourth axis", put(*step, "axes", lambda a: [*a, a[0]])),
+        ("unknown member of a step", replace_entry(*step, lambda s: s | {"note": "1p0"})),
+        ("a step of two numbers", replace_entry(*step, "steps", 0, lambda s: s[:2])),
+        ("a step of four numbers", replace_entry(*step, "steps", 0, lambda s: [*s, 1])),
+        ("a fourth axis", replace_entry(*step, "axes", lambda a: [*a, a[0]])),
         ("missing member", lambda c: at(c, step).pop("axes")),
         ("no steps", lambda c: at(c, step[:-1]).clear()),
-        ("unknown law", put("claim", "friction", "dry")),
-        ("unknown kind", put("claim", "kind", "torus")),
-        ("a length of 54 bits", put(*step, "steps", 0, 0, "20000000000001p-63")),
-        ("a huge exponent", put(*step, "steps", 0, 0, "1p999999")),
+        ("unknown law", replace_entry("claim", "friction", "dry")),
+        ("unknown kind", replace_entry("claim", "kind", "torus")),
+        ("a length of 54 bits", replace_entry(*step, "steps", 0, 0, "20000000000001p-63")),
+        ("a huge exponent", replace_entry(*step, "steps", 0, 0, "1p999999")),
     ]
 
 
@@ -355,7 +368,7 @@ def test_the_kernel_refuses_a_member_that_nothing_tests(
         verify_content(sealed(content))
 
 
-def mutations(kind: str) -> list[Change]:
+def mutations(kind: str) -> list[ChangeOfContent]:
     content = fresh(kind)
     return [*false_claims(content), *other_evidence(content), *unreadable(content)]
 
@@ -396,9 +409,11 @@ def test_a_half_width_of_a_few_last_bits_is_held() -> None:
         for n in range(3, 200, 2):
             x = arb(1) / n
             middle, half = midpoint_and_radius(x)
-            require_within_claim({"value": str(middle), "uncertainty": str(half)}, x, "a number")
+            require_claimed_enclosure(
+                {"value": str(middle), "uncertainty": str(half)}, x, "a number"
+            )
             with pytest.raises(certificates.Unproved):
-                require_within_claim(
+                require_claimed_enclosure(
                     {"value": str(middle), "uncertainty": str(half / 2)}, x, "a number"
                 )
 

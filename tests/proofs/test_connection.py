@@ -17,7 +17,7 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates.connection import _converges_slowly
+from tippedisk_verify.proofs.kernel.certificates.connection import _converges_along_slow_direction
 from tippedisk_verify.proofs.search import connection_proof as certified
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
@@ -69,7 +69,7 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
     repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)
     for changed in (
         {"unique": False},
-        {"slowly": False},
+        {"arrives_along_slow_direction": False},
         {"saddle_eigenvalues": repelling},
         {"saddle_eigenvalues": (Measured(9 + unstable.value, unstable.uncertainty), slow, fast)},
         {"status": ConnectionStatus.SIDES},
@@ -80,12 +80,12 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
 def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     z = [arb(0, 1e-9), arb("0.01", 1e-9), arb("0.001", 1e-9)]
     apart = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -100]])
-    assert _converges_slowly(apart, z)
-    assert not _converges_slowly(apart, [z[0], z[2], z[1]])
-    assert not _converges_slowly(apart, [z[0], arb(0, "0.01"), z[2]])
+    assert _converges_along_slow_direction(apart, z)
+    assert not _converges_along_slow_direction(apart, [z[0], z[2], z[1]])
+    assert not _converges_along_slow_direction(apart, [z[0], arb(0, "0.01"), z[2]])
     # The discs are [-11, -5] and [-16.9, -10.9]
     near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])
-    assert not _converges_slowly(near, z)
+    assert not _converges_along_slow_direction(near, z)
 
 
 @pytest.mark.slow
@@ -141,8 +141,10 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
                     *(reference(f"{name}/{x}").measured().value for x in ("gamma_bar_0", "v_0")),
                 ),
             )
-            assert end.meets(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
-            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).meets(speed, *cycle)
+            assert end.contains_cycle(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
+            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).contains_cycle(
+                speed, *cycle
+            )
 
 
 @pytest.mark.slow(minutes=0.5)

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tests.command_line import answer, assert_refused
-from tests.proofs.cases import Change, proved_connection, put
+from tests.proofs.cases import ChangeOfContent, proved_connection, replace_entry
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.model.decimals import exact_text
@@ -21,9 +21,9 @@ from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.certificate_format import dyadic
+from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic
 from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, verify_content
-from tippedisk_verify.proofs.kernel.certificates.connection import _departure
+from tippedisk_verify.proofs.kernel.certificates.connection import _enclose_unstable_branch
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
 
@@ -42,7 +42,7 @@ def text(certified: tuple[Path, str]) -> str:
     return certified[0].read_text()
 
 
-def refused(text: str, line: str, act: Change) -> None:
+def refused(text: str, line: str, act: ChangeOfContent) -> None:
     content = json.loads(text)
     act(content)
     assert content != json.loads(text), line
@@ -52,43 +52,48 @@ def refused(text: str, line: str, act: Change) -> None:
     assert str(fault.value).isprintable()
 
 
-def disks() -> Iterator[tuple[str, Change]]:
+def disks() -> Iterator[tuple[str, ChangeOfContent]]:
     """Other disks than the one of which it is proved."""
     for name in ("A", "mu", "m"):
         yield (
             ".",
-            put("claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000)),
+            replace_entry(
+                "claim", "parameters", name, exact_text(getattr(PRINTED, name) * 1001 / 1000)
+            ),
         )
-    yield "no disk has", put("claim", "parameters", "e", "0.05")
-    yield ".", put("bits", 30)
+    yield "no disk has", replace_entry("claim", "parameters", "e", "0.05")
+    yield ".", replace_entry("bits", 30)
 
 
-OF_THE_CONNECTION: list[tuple[str, Change]] = [
-    ("the smooth law has sides", put("claim", "friction", "smooth")),
-    ("box at the second saddle", put("claim", "beta", "0.0001")),
-    ("eigenvalues", put("claim", "numbers", "lambda_u", "value", "6.65")),
+OF_THE_CONNECTION: list[tuple[str, ChangeOfContent]] = [
+    ("the smooth law has sides", replace_entry("claim", "friction", "smooth")),
+    ("box at the second saddle", replace_entry("claim", "beta", "0.0001")),
+    ("eigenvalues", replace_entry("claim", "numbers", "lambda_u", "value", "6.65")),
     (
         "eigenvalues",
         lambda c: c["claim"]["numbers"].update(lambda_s=c["claim"]["numbers"]["lambda_ss"]),
     ),
-    ("opposite sides", put("claim", "numbers", "omega_h", "uncertainty", "1e-8")),
-    ("interval of speeds is empty", put("claim", "numbers", "omega_h", "uncertainty", "0")),
-    (".", put("evidence", "directions", lambda rows: [row[::-1] for row in rows])),
-    ("no inverse", put("evidence", "directions", [["1p0"] * 3] * 3)),
-    ("next to the saddle", put("evidence", "unstable", "reach", "-1p-4")),
-    ("unstable manifold", put("evidence", "unstable", "reach", "1p1")),
-    ("next to the saddle", put("evidence", "cone", ["0p0", "1p-20"])),
-    ("unstable manifold", put("evidence", "cone", ["1p-90", "1p-90"])),
-    ("unstable manifold", put("evidence", "unstable", "graph", 0, 3, "1p0")),
-    ("pass the saddle", put("evidence", "unstable", "graph", 1, 0, "1p-20")),
-    ("block", put("evidence", "slow", "graph", 0, 1, "1p-4")),
-    ("cones at the first saddle", put("evidence", "drift", ["1p-40", "1p-40", "1p-40"])),
-    ("the block", put("evidence", "block", 0, "1p-20")),
-    ("no other speed", put("evidence", "apart", 0, "1p10")),
-    (".", put("evidence", "flight", lambda log: log[:-9])),
-    ("steps end|log", put("evidence", "flight", [])),
-    ("the flight, step 3", put("evidence", "flight", 2, "steps", 0, 0, "-1p-9")),
-    (".", put("evidence", "flight", 5, "axes", [["0p0"] * 3] * 3)),
+    ("opposite sides", replace_entry("claim", "numbers", "omega_h", "uncertainty", "1e-8")),
+    (
+        "interval of speeds is empty",
+        replace_entry("claim", "numbers", "omega_h", "uncertainty", "0"),
+    ),
+    (".", replace_entry("evidence", "directions", lambda rows: [row[::-1] for row in rows])),
+    ("no inverse", replace_entry("evidence", "directions", [["1p0"] * 3] * 3)),
+    ("next to the saddle", replace_entry("evidence", "unstable", "reach", "-1p-4")),
+    ("unstable manifold", replace_entry("evidence", "unstable", "reach", "1p1")),
+    ("next to the saddle", replace_entry("evidence", "cone", ["0p0", "1p-20"])),
+    ("unstable manifold", replace_entry("evidence", "cone", ["1p-90", "1p-90"])),
+    ("unstable manifold", replace_entry("evidence", "unstable", "graph", 0, 3, "1p0")),
+    ("pass the saddle", replace_entry("evidence", "unstable", "graph", 1, 0, "1p-20")),
+    ("block", replace_entry("evidence", "slow", "graph", 0, 1, "1p-4")),
+    ("cones at the first saddle", replace_entry("evidence", "drift", ["1p-40", "1p-40", "1p-40"])),
+    ("the block", replace_entry("evidence", "block", 0, "1p-20")),
+    ("no other speed", replace_entry("evidence", "apart", 0, "1p10")),
+    (".", replace_entry("evidence", "flight", lambda log: log[:-9])),
+    ("steps end|log", replace_entry("evidence", "flight", [])),
+    ("the flight, step 3", replace_entry("evidence", "flight", 2, "steps", 0, 0, "-1p-9")),
+    (".", replace_entry("evidence", "flight", 5, "axes", [["0p0"] * 3] * 3)),
 ]
 
 
@@ -115,19 +120,19 @@ def test_the_branch_on_which_gamma_falls_is_not_taken_for_the_other_one(text: st
     content = json.loads(text)
     claim, evidence = content["claim"], content["evidence"]
     with working_precision(content["bits"]):
-        P = [[dyadic(entry) for entry in row] for row in evidence["directions"]]
+        P = [[read_dyadic(entry) for entry in row] for row in evidence["directions"]]
         mixed = [[(2 * row[1] - row[0]).mid(), *row[1:]] for row in P]
         assert P[1][0] > 0
         assert mixed[1][0] > 0
         omega = ball(fraction(claim["numbers"]["omega_h"]["value"]))
-        choices: dict[str, Any] = {
+        evidence: dict[str, Any] = {
             "unstable": {"graph": [[arb(0), arb(-2), arb(0)], [arb(0)] * 3], "reach": arb(2) ** -6},
             "cone": [arb(2) ** -4] * 2,
             "drift": [arb("0.01"), arb(4), arb(4)],
         }
         saddle = SaddleCoordinates(claim["parameters"], "linear", omega, mixed)
         with pytest.raises(Unproved, match="gamma grows where the branch leaves"):
-            _departure(saddle, lambda name, *_: choices[name])
+            _enclose_unstable_branch(saddle, lambda name, *_: evidence[name])
 
 
 @pytest.mark.parametrize(
@@ -147,32 +152,35 @@ def test_a_place_where_nothing_can_be_written_is_refused(tmp_path) -> None:
     assert "cannot be written" in assert_refused(words.split())
 
 
-OF_THE_CYCLES: list[tuple[str, Change]] = [
-    ("is empty", put("claim", "low", "30.0569")),
-    ("is empty", put("claim", "high", "30.0488")),
-    ("crossings lie in Q", put("claim", "gamma", "0.13")),
-    ("crossings lie in Q", put("claim", "v", "0.26")),
-    ("Q lies in N", put("claim", "v", "0.5")),
-    ("the extents of D", put("claim", "gamma", "-0.14")),
-    (".", put("claim", "high", "30.3")),
-    ("opposite sides|eigenvalues", put("claim", "numbers", "omega_h", "uncertainty", "1e-25")),
-    ("box lies in N|box at", put("evidence", "connection", "room", 1, "0.5")),
-    ("eigenvalues", put("evidence", "connection", "eigenvalues", 0, 0, "7")),
-    ("no flights", put("evidence", "flights", "lengths", [])),
-    ("flight 1: the states", put("evidence", "flights", "lengths", 0, 0, "1p-4")),
-    ("the extents", put("evidence", "box", "extents", 1, "0p0")),
-    (".", put("evidence", "box", "extents", 0, "3p0")),
-    ("the cones of the steep weights", put("evidence", "weights", "steep", 2, "1p-30")),
-    ("the variation by the speed", put("evidence", "weights", "drift", 0, "1p-30")),
-    ("no inverse", put("evidence", "box", "directions", [["1p0"] * 3] * 3)),
-    (".", put("evidence", "box", "cells", [1, 1])),
-    ("the cones of the flat weights", put("evidence", "weights", "flat", "1p-12")),
-    ("the cones of the flat weights", put("evidence", "weights", "lipschitz", "1p20")),
-    ("the second compound", put("evidence", "weights", "compound", 0, "1p-10")),
-    ("the thin set", put("evidence", "weights", "thin", "1p-10")),
-    ("after a crossing", put("evidence", "weights", "return", "1p10")),
-    ("D and the graph", put("evidence", "entry", "lid", "1p-10")),
-    ("crossings lie in Q", put("evidence", "entry", "moment", "1p-6")),
+OF_THE_CYCLES: list[tuple[str, ChangeOfContent]] = [
+    ("is empty", replace_entry("claim", "low", "30.0569")),
+    ("is empty", replace_entry("claim", "high", "30.0488")),
+    ("crossings lie in Q", replace_entry("claim", "gamma", "0.13")),
+    ("crossings lie in Q", replace_entry("claim", "v", "0.26")),
+    ("Q lies in N", replace_entry("claim", "v", "0.5")),
+    ("the extents of D", replace_entry("claim", "gamma", "-0.14")),
+    (".", replace_entry("claim", "high", "30.3")),
+    (
+        "opposite sides|eigenvalues",
+        replace_entry("claim", "numbers", "omega_h", "uncertainty", "1e-25"),
+    ),
+    ("box lies in N|box at", replace_entry("evidence", "connection", "room", 1, "0.5")),
+    ("eigenvalues", replace_entry("evidence", "connection", "eigenvalues", 0, 0, "7")),
+    ("no flights", replace_entry("evidence", "flights", "lengths", [])),
+    ("flight 1: the states", replace_entry("evidence", "flights", "lengths", 0, 0, "1p-4")),
+    ("the extents", replace_entry("evidence", "box", "extents", 1, "0p0")),
+    (".", replace_entry("evidence", "box", "extents", 0, "3p0")),
+    ("the cones of the steep weights", replace_entry("evidence", "weights", "steep", 2, "1p-30")),
+    ("the variation by the speed", replace_entry("evidence", "weights", "drift", 0, "1p-30")),
+    ("no inverse", replace_entry("evidence", "box", "directions", [["1p0"] * 3] * 3)),
+    (".", replace_entry("evidence", "box", "cells", [1, 1])),
+    ("the cones of the flat weights", replace_entry("evidence", "weights", "flat", "1p-12")),
+    ("the cones of the flat weights", replace_entry("evidence", "weights", "lipschitz", "1p20")),
+    ("the second compound", replace_entry("evidence", "weights", "compound", 0, "1p-10")),
+    ("the thin set", replace_entry("evidence", "weights", "thin", "1p-10")),
+    ("after a crossing", replace_entry("evidence", "weights", "return", "1p10")),
+    ("D and the graph", replace_entry("evidence", "entry", "lid", "1p-10")),
+    ("crossings lie in Q", replace_entry("evidence", "entry", "moment", "1p-6")),
 ]
 
 
@@ -192,7 +200,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     for share in (Fraction(9, 10), Fraction(1, 30)):
         cycle = shoot_limit_cycle(PRINTED, OMEGA_H + (end.high - OMEGA_H) * share, taylor)
         with working_precision(64):
-            assert end.meets(
+            assert end.contains_cycle(
                 ball(cycle.omega.value), ball(cycle.gamma_bar_0.value), ball(cycle.v_0.value)
             )
         assert float(cycle.multiplier_slow) < kappa**2  # of two half maps
@@ -208,7 +216,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     ):
         assert part in end.statement
     usual, original = connection_cycles.verify_connection, json.loads(text)
-    steps = put("evidence", "flights", "steps", 198)  # is found at the flights' end only
+    steps = replace_entry("evidence", "flights", "steps", 198)  # is found at the flights' end only
     for line, act in (*disks(), *OF_THE_CYCLES, ("its last step|pass", steps)):
         content = json.loads(text)
         act(content)

@@ -16,7 +16,7 @@ import pytest
 from flint import arb, arb_mat
 
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
-from tests.proofs.test_passage import BITS, GIVEN, F, S, U, column, made_up
+from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up_passage
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
@@ -27,8 +27,8 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     LoopMap,
     verify_cycles,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import Passage
-from tippedisk_verify.proofs.kernel.certificates.passage import arrivals as flown
+from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
+from tippedisk_verify.proofs.kernel.certificates.passage import enclose_arrivals as flown
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 
 
@@ -134,10 +134,10 @@ def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> 
     model: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
     step: Any = SimpleNamespace(enclosure=(BallArray(beta), None, BallArray.of(v)))
     if isinstance(line, list):
-        assert flights_module._climbs(model, step).tolist() == line
+        assert flights_module._may_have_maximum(model, step).tolist() == line
     else:
         with pytest.raises(Unproved, match=line):
-            flights_module._climbs(model, step)
+            flights_module._may_have_maximum(model, step)
 
 
 def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
@@ -148,7 +148,7 @@ def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
     """
     for shown in ([False, False], [True, False]):
         monkeypatch.setattr(
-            flights_module, "_climbs", lambda model, step, shown=shown: np.array(shown)
+            flights_module, "_may_have_maximum", lambda model, step, shown=shown: np.array(shown)
         )
         with pytest.raises(
             Unproved,
@@ -174,7 +174,7 @@ def test_a_flight_that_falls_is_refused() -> None:
 def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch) -> None:
     cells: list[tuple[Any, Any]] = []
 
-    def told(
+    def record_cells(
         saddle: Any, extents: Any, slow: Any, fast: Any, lengths: Any, count: int, watch: Any
     ) -> None:
         balls = (
@@ -183,12 +183,12 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
         )
         cells.extend(zip(*balls, strict=True))
 
-    monkeypatch.setattr(module, "arrivals", told)
+    monkeypatch.setattr(module, "enclose_arrivals", record_cells)
     n = SimpleNamespace(
         saddle=SaddleCoordinates(DISK, "linear", arb(30), DIRECTIONS),
-        extents=[arb(x) for x in GIVEN["extents"]],
+        extents=[arb(x) for x in EVIDENCE_VALUES["extents"]],
     )
-    loop_map = SimpleNamespace(n=n, exits=(arb(-0.125), arb(0.375)), exit_fast=arb(0))
+    loop_map = SimpleNamespace(passage=n, exit_z_s=(arb(-0.125), arb(0.375)), exit_z_f=arb(0))
     low, high = Fraction("30.0474"), Fraction("30.0569")
     module._flights(
         loop_map, low, high, {"steps": 9, "lengths": [[arb(1)] * 3, [arb(1)] * 2]}, print
@@ -203,21 +203,21 @@ def test_the_flights_cover_all_exits_and_speeds(monkeypatch: pytest.MonkeyPatch)
 
 
 # ----------------------------------------------------------------------------------- the connection
-def connected(
+def require_branch_in_box(
     *pieces: tuple[float, float, float], room: Sequence[str] = ("0.0055", "0.02", "0.044")
 ) -> None:
     """Of pieces of a flight with these z about the second saddle."""
     saddle = SaddleCoordinates(DISK, "linear", ball(OMEGA_H), DIRECTIONS)
-    n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in GIVEN["extents"]])
+    n = SimpleNamespace(saddle=saddle, extents=[arb(x) for x in EVIDENCE_VALUES["extents"]])
     offsets = [saddle.offset([arb(x) for x in z]) for z in pieces]
     states = [(beta, y + arb.pi(), v) for beta, y, v in offsets]
-    module._require_connection_in_box(
-        n, SimpleNamespace(room=tuple(map(Fraction, room)), pieces=states)
+    module._require_branch_in_box(
+        n, SimpleNamespace(arrival_box=tuple(map(Fraction, room)), branch_boxes=states)
     )
 
 
 def test_the_connection_stays_in_n() -> None:
-    connected((0.5, -3, 0), (0.1, -0.25, 0.1), (0, -0.2, 0.1), (0, -0.1, 0))
+    require_branch_in_box((0.5, -3, 0), (0.1, -0.25, 0.1), (0, -0.2, 0.1), (0, -0.1, 0))
     for pieces, line in (
         ([(0, -0.2, 0), (0, -0.1, 0)], "from outside"),
         ([(0, -3, 0), (0.21, -0.15, 0)], "stays in N"),
@@ -226,9 +226,9 @@ def test_the_connection_stays_in_n() -> None:
         ([(0, -3, 0), (0, -0.15, 0), (-0.1, 0.1, 0)], "gamma grows"),  # beta_bar < 0
     ):
         with pytest.raises(Unproved, match=line):
-            connected(*pieces)
+            require_branch_in_box(*pieces)
     with pytest.raises(Unproved, match="box lies in N"):
-        connected((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
+        require_branch_in_box((0, -3, 0), (0, -0.15, 0), room=("0.0055", "0.5", "0.044"))
 
 
 @pytest.mark.parametrize(
@@ -254,11 +254,11 @@ def test_the_end_that_is_shown_knows_its_cycles() -> None:
         (omega, 0.01, -0.3, False),
         (omega, 0.01, 0.01, False),
     ):
-        assert end.meets(ball(speed), arb.pi() - below, arb(v)) is met
+        assert end.contains_cycle(ball(speed), arb.pi() - below, arb(v)) is met
 
 
 # ----------------------------------------------------------------------------------- the return map
-def loop_map_of(n: Passage) -> LoopMap:
+def loop_map_of(n: SaddlePassage) -> LoopMap:
     return LoopMap(n, ENTRY)
 
 
@@ -268,10 +268,10 @@ def changed(matrix: Any, row: int, k: int, x: float) -> Any:
     return other
 
 
-BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
-    ("a passage takes time", "time", lambda n: lambda distance: arb(0)),
-    ("the fast part in N", "stirred_within", lambda n: n.forcing[1] + arb(1) / 1024),
-    ("the fast part in N", "forcing", lambda n: [n.forcing[0], n.stirred_within]),
+FAULTS_BEFORE_FLIGHTS: list[tuple[str, str, Callable[[Any], Any]]] = [
+    ("a passage takes time", "min_passage_time", lambda n: lambda distance: arb(0)),
+    ("the fast part in N", "speed_wedge_extent", lambda n: n.forcing[1] + arb(1) / 1024),
+    ("the fast part in N", "forcing", lambda n: [n.forcing[0], n.speed_wedge_extent]),
     ("the sign of z_s in Q", "saddle.inverse", lambda n: changed(n.saddle.inverse, S, 1, -1.0)),
     ("beta_bar where N is left", "saddle.offset", lambda n: lambda z: [arb(1)] * 3),
     ("gamma where N is left upwards", "saddle.offset", lambda n: lambda z: [arb(-1)] * 3),
@@ -285,12 +285,12 @@ BEFORE: list[tuple[str, str, Callable[[Any], Any]]] = [
 ]
 
 
-@pytest.mark.parametrize(("line", "name", "other"), BEFORE)
+@pytest.mark.parametrize(("line", "name", "other"), FAULTS_BEFORE_FLIGHTS)
 def test_what_is_asked_before_the_flights(
     line: str, name: str, other: Callable[[Any], Any]
 ) -> None:
     """One of the passage's answers is another one."""
-    n = made_up()
+    n = made_up_passage()
     loop_map_of(n)
     owner = n.saddle if name.startswith("saddle.") else n
     setattr(owner, name.removeprefix("saddle."), other(n))
@@ -303,26 +303,31 @@ def test_the_exits_hold_those_from_d_and_from_q(swapped: bool) -> None:
     """Beyond the saddle z_s is what is left of D's or of Q's; before it, of what Q's v brings."""
     answers = [(0.125, 0.0078125), (0.0625, 0.015625)]
     rest = iter([*(answers[::-1] if swapped else answers), (0.03125, 0)])
-    n = made_up()
-    vars(n).update(crossing=lambda *_: arb(0), fallen=lambda *_: [arb(x) for x in next(rest)])
+    n = made_up_passage()
+    vars(n).update(
+        crossing_bound=lambda *_: arb(0), stable_bounds=lambda *_: [arb(x) for x in next(rest)]
+    )
     loop_map = loop_map_of(n)
-    assert loop_map.exits == (arb(-0.03125), arb(0.125))
-    assert all(loop_map.exit_fast.contains(x) for x in (-0.015625, 0.015625))
-    assert all(loop_map.leaving[S].contains(x) for x in (0.03125, -0.125))
-    assert not loop_map.leaving[S].contains(0.0625)
+    assert loop_map.exit_z_s == (arb(-0.03125), arb(0.125))
+    assert all(loop_map.exit_z_f.contains(x) for x in (-0.015625, 0.015625))
+    assert all(loop_map.exit_box[S].contains(x) for x in (0.03125, -0.125))
+    assert not loop_map.exit_box[S].contains(0.0625)
 
 
 def before_flights() -> tuple[LoopMap, Any]:
     """With a linear field, and arrivals that fit; what is changed in the passage now does not
     change its answers.
     """
-    n = made_up()
+    n = made_up_passage()
     loop_map = loop_map_of(n)
-    answers = {name: getattr(n, name) for name in ("settled", "ratio", "fallen")}
+    answers = {
+        name: getattr(n, name)
+        for name in ("compound_bounds", "compound_ratio_bound", "stable_bounds")
+    }
     known = SimpleNamespace(
         **{**vars(n), **answers, "rates": lambda z: list((n.M * column(z)).entries())}
     )
-    loop_map.n = known
+    loop_map.passage = known
     return loop_map, known
 
 
@@ -345,7 +350,7 @@ def settled_of(n: Any, place: int, answer: Sequence[float]) -> Callable[[Any, An
     """As it is, but for products of which that one is exactly zero: those with a variation
     along an axis.
     """
-    usual = n.settled
+    usual = n.compound_bounds
     return lambda b, time: [arb(x) for x in answer] if b[place] == 0 else usual(b, time)
 
 
@@ -372,31 +377,37 @@ def arrivals() -> list[list[Any]]:
     ]
 
 
-AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]] = [
+FAULTS_AFTER_FLIGHTS: list[
+    tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], Any]]
+] = [
     ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, S, -1)}, {}),
     ("orbits enter N and leave it", {"rates": lambda n: rates_of(n, U, 1, leaving=True)}, {}),
     # kappa is below one; 1 + L w is not.
-    ("R contracts", {"lipschitz": lambda n: arb(100)}, {}),
+    ("R contracts", {"lipschitz_slope": lambda n: arb(100)}, {}),
     # k_1 F_s is 0.8.
     ("the cone on entry", {"rates": lambda n: rates_of(n, F, 1)}, {(0, 1): arb(-0.1)}),
     # The graph rises by L times what z_f gains, 0.15 at least.
     (
         "heights grow downwards",
-        {"lipschitz": lambda n: arb(1)},
+        {"lipschitz_slope": lambda n: arb(1)},
         {(0, 1): arb(-0.125), (1, 1): arb(0.15)},
     ),
-    ("heights grow downwards", {"ratio": lambda n: lambda time: arb(1)}, {(0, 2): arb(0.5)}),
+    (
+        "heights grow downwards",
+        {"compound_ratio_bound": lambda n: lambda time: arb(1)},
+        {(0, 2): arb(0.5)},
+    ),
     # A variation of z_f comes back twice as large, in the answers to this question alone.
-    ("1 - DR is regular", {"settled": lambda n: settled_of(n, 0, [0, 1e5])}, {}),
+    ("1 - DR is regular", {"compound_bounds": lambda n: settled_of(n, 0, [0, 1e5])}, {}),
     # A variation of z_u alone leaves such a z_f that the fixed point's slope is out of the cone.
     (
         "the cone of the derivative",
-        {"settled": lambda n: settled_of(n, 2, [0, 1600])},
+        {"compound_bounds": lambda n: settled_of(n, 2, [0, 1600])},
         {(0, 2): arb(0)},
     ),
     (
         "the compound's cone of the derivative",
-        {"compound": lambda n: (n.compound[0], arb(1e-9))},
+        {"compound_weights": lambda n: (n.compound_weights[0], arb(1e-9))},
         {},
     ),
     # k_1 F_s is 0.8 again: more than F_f, but less than with what z_u adds.
@@ -406,11 +417,11 @@ AFTER: list[tuple[str, dict[str, Callable[[Any], Any]], dict[tuple[int, int], An
         {(0, 1): arb(-0.1)},
     ),
     # A variation of z_u alone comes back larger.
-    ("the cycle's entry falls", {"settled": lambda n: settled_of(n, 2, [4, 0])}, {}),
+    ("the cycle's entry falls", {"compound_bounds": lambda n: settled_of(n, 2, [4, 0])}, {}),
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, 6)}, {}),
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, S, -6)}, {}),
     ("gamma_bar_0 falls", {"saddle": lambda n: directed(n, 1, F, 1)}, {}),
-    ("the period falls", {"grows": lambda n: (arb(-1000), n.grows[1])}, {}),
+    ("the period falls", {"growth_rates": lambda n: (arb(-1000), n.growth_rates[1])}, {}),
 ]
 
 
@@ -419,7 +430,7 @@ def test_the_made_up_return_map_is_shown() -> None:
 
 
 #: Row and column of the arrivals, what is done to the number, and the inequality that rests on it.
-SPOILED: list[tuple[int, int, Callable[[Any], Any], str]] = [
+SPOILED_ARRIVALS: list[tuple[int, int, Callable[[Any], Any], str]] = [
     (0, 0, lambda x: x - arb(0.005), "arrivals above the lid of D"),
     (0, 0, lambda x: x + arb(0.25), "arrivals in D"),
     (1, 0, lambda x: 2 * x, "arrivals in D"),
@@ -437,13 +448,13 @@ SPOILED: list[tuple[int, int, Callable[[Any], Any], str]] = [
     (3, 1, lambda x: -9 * x, "beta_max falls"),
     (3, 0, lambda x: x / 20, "beta_max is in the flight"),
 ]
-AFTER += [
+FAULTS_AFTER_FLIGHTS += [
     (line, {}, {(row, column): spoil(arrivals()[row][column])})
-    for row, column, spoil, line in SPOILED
+    for row, column, spoil, line in SPOILED_ARRIVALS
 ]
 
 
-@pytest.mark.parametrize(("line", "others", "moved"), AFTER)
+@pytest.mark.parametrize(("line", "others", "moved"), FAULTS_AFTER_FLIGHTS)
 def test_what_is_asked_after_the_flights(
     line: str,
     others: dict[str, Callable[[Any], Any]],
@@ -485,7 +496,7 @@ def test_what_is_asked_after_the_flights(
 )
 def test_what_is_asked_of_d_and_q(name: str, x: Any, line: str) -> None:
     """Every number of D and Q, changed so that its inequality breaks."""
-    n = made_up()
+    n = made_up_passage()
     loop_map_of(n)
     with pytest.raises(Unproved, match=rf"^7a\.\d: {line}"):
         LoopMap(n, ENTRY | {name: x})

@@ -13,7 +13,7 @@ import pytest
 
 from tests.command_line import answer
 from tests.problems import speed_below
-from tests.proofs.cases import NUMBERS, half_flight, hull, included, turn_flight
+from tests.proofs.cases import NUMBERS, box_is_included, half_flight, hull, turn_flight
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
-from tippedisk_verify.proofs.kernel.sliding import model_of
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.cycle_proof import (
     ROTATING_SECTION,
@@ -64,7 +64,7 @@ FLIGHTS = pytest.mark.parametrize(
 
 
 def model(disk=PRINTED, omega=OMEGA) -> Model:
-    return model_of(disk, ball(omega))
+    return model_for_disk(disk, ball(omega))
 
 
 def box(relative: str) -> tuple[list, list]:
@@ -77,10 +77,10 @@ def numbers_of(flight: Any) -> list[Any]:
     return [
         flight.time,
         *flight.image,
-        *flight.matrix[0],
-        *flight.matrix[1],
-        *flight.by_omega,
-        *flight.time_by_state,
+        *flight.image_by_start[0],
+        *flight.image_by_start[1],
+        *flight.image_by_omega,
+        *flight.time_by_start,
         flight.time_by_omega,
     ]
 
@@ -193,9 +193,9 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
             derivatives=True,
         )
         here = flight(model(disk), *middle[:2])
-        columns = [*zip(*whole.matrix, strict=True), whole.by_omega]
+        columns = [*zip(*whole.image_by_start, strict=True), whole.image_by_omega]
         for k, (column, time_by) in enumerate(
-            zip(columns, (*whole.time_by_state, whole.time_by_omega), strict=True)
+            zip(columns, (*whole.time_by_start, whole.time_by_omega), strict=True)
         ):
             moved = [x + (step if j == k else 0) for j, x in enumerate(middle)]
             ahead = flight(model(disk, moved[2]), *moved[:2])
@@ -230,14 +230,16 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
 
     with working_precision(48):
         middle, radii = box("3e-8")
-        assert included(model(), middle, radii)
-        assert not included(Model(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii)
-        assert not included(model(), [middle[0] + 3 * radii[0], middle[1]], radii)
+        assert box_is_included(model(), middle, radii)
+        assert not box_is_included(
+            Model(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii
+        )
+        assert not box_is_included(model(), [middle[0] + 3 * radii[0], middle[1]], radii)
         # Each speed within 1e-5 rad/s has exactly one fixed point in a wider box.
         speeds = hull(OMEGA - Fraction(1, 10**5), OMEGA + Fraction(1, 10**5))
-        assert included(model(omega=speeds), *box("2e-4"))
+        assert box_is_included(model(omega=speeds), *box("2e-4"))
     with working_precision(35):
-        assert not included(model(), *box("1e-12"))
+        assert not box_is_included(model(), *box("1e-12"))
 
 
 @pytest.mark.parametrize(
@@ -255,10 +257,10 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
     ids=str,
 )
 def test_ends_without_a_proof(omega, guess, status) -> None:
-    proof = prove_cycle(PRINTED, omega, guess, digits=2, most_bits=64)
+    proof = prove_cycle(PRINTED, omega, guess, digits=2, max_bits=64)
     assert not proof.proved
     assert status is None or proof.status is status
-    assert proof.where
+    assert proof.outcome_detail
     assert proof.statement.startswith("nothing is proved")
     assert proof.to_dict()["proved"] is False
     with pytest.raises(InputError, match="nothing is proved"):
@@ -288,6 +290,6 @@ def test_flights_that_do_not_return(flight, first, v, status) -> None:
 
 def test_a_flight_gives_up_after_the_longest_time() -> None:
     with working_precision(64):
-        short = half_flight(model(), *map(ball, GUESS), longest=0.05)
+        short = half_flight(model(), *map(ball, GUESS), max_duration=0.05)
         assert short.status is FlowStatus.NO_RETURN
-        assert positive(short.reached - ball("0.05"))
+        assert positive(short.time_reached - ball("0.05"))

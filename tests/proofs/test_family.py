@@ -23,22 +23,22 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.proofs.angles import INVERTED, linearization
-from tippedisk_verify.proofs.kernel import field as equations
+from tippedisk_verify.proofs.kernel import vector_field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
 from tippedisk_verify.proofs.kernel.certificates import check
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
-from tippedisk_verify.proofs.kernel.half_map_of_curves import fly
+from tippedisk_verify.proofs.kernel.half_map_of_curves import enclose_half_map
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
-from tippedisk_verify.proofs.kernel.step import polynomial
-from tippedisk_verify.proofs.search import curve_choices
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
+from tippedisk_verify.proofs.search import arc_evidence
 from tippedisk_verify.proofs.search import family_intervals as search
+from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     ConnectionCyclesStatus,
 )
-from tippedisk_verify.proofs.search.curve_choices import BITS, CurveStepSearch, prove_piece
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof import parameter_texts
@@ -77,12 +77,14 @@ def test_the_scaled_sine_and_its_derivative(q) -> None:
         for mine, jet, theirs in zip(found, wide, expected, strict=True):
             assert mine.overlaps(theirs)
             assert mine.rad() < 2.0**-50  # 64 bits, of which the series and the quotient lose some
-            assert polynomial(jet.c, (ball(q) - ball("0.4")) / ball("0.4")).overlaps(theirs)
+            assert evaluate_polynomial(
+                jet.coefficients, (ball(q) - ball("0.4")) / ball("0.4")
+            ).overlaps(theirs)
 
 
 def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
     with working_precision(64):
-        constants, omega = equations.constants(DISK), ball("30.4")
+        constants, omega = equations.field_constants(DISK), ball("30.4")
         start = [ball(part) for part in ("0.3", "0.9", "-1.2")]
         matrix = linearization(constants, omega, INVERTED)
         for mine, row in zip(
@@ -92,7 +94,7 @@ def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
 
 
 def test_what_is_not_odd_is_refused(monkeypatch) -> None:
-    usual = equations.field
+    usual = equations.vector_field
 
     def crooked(*arguments: Any) -> Any:
         rates = usual(*arguments)
@@ -101,9 +103,9 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
             rates(*state)[2] + rates(*state)[0] * rates(*state)[0],
         )
 
-    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.field", crooked)
+    monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.vector_field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
-        ScaledModel(equations.constants(DISK), ball(30), arb(0))
+        ScaledModel(equations.field_constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
     with pytest.raises(Unproved, match="less than 1"):
         ScaledCurve(one, -one, one, [arb(0)] * 3, one)
@@ -115,30 +117,32 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
     """
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
-        constants = equations.constants(DISK)
+        constants = equations.field_constants(DISK)
         truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
         curve = ScaledCurve(
             Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
         )
-        found = fly(constants, curve, CurveStepSearch())
+        found = enclose_half_map(constants, curve, CurveStepSearch())
         image, matrix = (
-            [jet.c[0] for jet in found.image],
-            [[jet.c[0] for jet in row] for row in found.matrix],
+            [jet.coefficients[0] for jet in found.image],
+            [[jet.coefficients[0] for jet in row] for row in found.image_by_start],
         )
-        assert found.own_time.c[0].overlaps(truth.time)
-        assert found.divergence.c[0].overlaps(truth.divergence)
+        assert found.curve_time.coefficients[0].overlaps(truth.time)
+        assert found.divergence.coefficients[0].overlaps(truth.divergence)
         for k in range(2):
             assert (a * image[k]).overlaps(truth.image[k])
-            assert matrix[k][1].overlaps(truth.matrix[k][1])
-            assert (a * matrix[k][2]).overlaps(truth.by_omega[k])
-            by_q = (truth.matrix[k][0] + w * truth.matrix[k][1] - image[k]) / (2 * a * a)
+            assert matrix[k][1].overlaps(truth.image_by_start[k][1])
+            assert (a * matrix[k][2]).overlaps(truth.image_by_omega[k])
+            by_q = (truth.image_by_start[k][0] + w * truth.image_by_start[k][1] - image[k]) / (
+                2 * a * a
+            )
             assert matrix[k][0].overlaps(by_q)
             # Balls of 64 bits whose radii a flight multiplies by some thousands, and 1 / (2 q) by
             # 6.
             assert matrix[k][0].rad() < 1e-6
         # The formula is for a fixed point, whose image begins with 1.
-        trace = curve.trace(found.matrix).c[0] + image[0] - 1
-        assert trace.overlaps(truth.matrix[0][0] + truth.matrix[1][1])
+        trace = curve.trace(found.image_by_start).coefficients[0] + image[0] - 1
+        assert trace.overlaps(truth.image_by_start[0][0] + truth.image_by_start[1][1])
         assert trace.rad() < 1e-5  # three of the balls above
 
 
@@ -146,8 +150,8 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
 @pytest.fixture
 def quick(monkeypatch) -> None:
     """Polynomials of degree 2 and no wider box: seconds a piece."""
-    monkeypatch.setattr(curve_choices, "_DEGREE", 2)
-    monkeypatch.setattr(curve_choices, "_WIDE_SHARES", ())
+    monkeypatch.setattr(arc_evidence, "_DEGREE", 2)
+    monkeypatch.setattr(arc_evidence, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)
@@ -203,7 +207,7 @@ def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) ->
                 numbers[0] / amplitude,
             )
         off = [
-            x - polynomial([ball(part) for part in row], s)
+            x - evaluate_polynomial([ball(part) for part in row], s)
             for x, row in zip(numbers, piece.curve, strict=True)
         ]
         return all(
@@ -246,11 +250,11 @@ def _end(
 def test_the_other_end_closes_only_what_it_reaches() -> None:
     """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
     proof = FamilyProof(PRINTED, (piece(), ASSUMED))
-    assert not proof.end_closed
+    assert not proof.heteroclinic_closed
     low, high = proof.pieces[-1].speeds(NEXT)
-    reaches = replace(proof, end=_end(PRINTED, "30", "30.8850", "3.05"))
+    reaches = replace(proof, near_omega_h=_end(PRINTED, "30", "30.8850", "3.05"))
     assert Fraction(30) < low < high < Fraction("30.8850")
-    assert reaches.end_closed
+    assert reaches.heteroclinic_closed
     assert reaches.proved
     assert reaches.covered == 1
     for word in (
@@ -271,8 +275,8 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         _end(CALIBRATED, "30", "30.8850", "3.05"),
         _end(PRINTED, "30", "30.8850", "3.05", ConnectionCyclesStatus.INEQUALITY),
     ):
-        open_proof = replace(proof, end=end)
-        assert not open_proof.end_closed
+        open_proof = replace(proof, near_omega_h=end)
+        assert not open_proof.heteroclinic_closed
         assert open_proof.to_dict()["ends"]["heteroclinic"]["closed"] is False
         assert "a in (0, pi)" not in open_proof.statement
     assert not replace(reaches, pieces=()).proved
@@ -301,7 +305,7 @@ def test_what_is_covered() -> None:
         assert word in entries["statement"]
     holed = replace(proof, pieces=(piece(), replace(ASSUMED, low=ASSUMED.low + Fraction(1, 1000))))
     assert holed.statement.startswith("nothing is proved")
-    nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.RISING)
+    nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.SPEED_GROWS)
     assert (
         nothing.statement
         == "nothing is proved: from gamma_bar_0 = 0 rad on Omega grows with the amplitude."

@@ -21,7 +21,7 @@ from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
 from tippedisk_verify.proofs.kernel.certificates import family as module
 from tippedisk_verify.proofs.kernel.certificates.family import (
-    Job,
+    ArcJob,
     Piece,
     enclosed_omega_crit,
     last_cycle,
@@ -93,7 +93,7 @@ def _moved(entries: Any, number: int, row: int, by: Fraction) -> None:
     coefficients[0] = str(Fraction(coefficients[0]) + by)
 
 
-SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
+SPOILED_CLAIMS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
     "v moved": (lambda c, e: _moved(e, 1, 0, Fraction(1, 10)), "not shown to be one curve"),
     "Omega moved": (lambda c, e: _moved(e, 1, 1, Fraction(1, 5)), "not shown to be one curve"),
     "the Hopf point": (
@@ -126,11 +126,11 @@ SPOILED: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 }
 
 
-@pytest.mark.parametrize("name", SPOILED)
+@pytest.mark.parametrize("name", SPOILED_CLAIMS)
 def test_what_does_not_fit_is_not_shown(name) -> None:
     claim, entries, within = copy.deepcopy(arcs())
-    SPOILED[name][0](claim, entries)
-    with pytest.raises(certificates.Unproved, match=SPOILED[name][1]):
+    SPOILED_CLAIMS[name][0](claim, entries)
+    with pytest.raises(certificates.Unproved, match=SPOILED_CLAIMS[name][1]):
         glued(claim, entries, within)
 
 
@@ -161,14 +161,16 @@ def test_the_last_cycle_is_a_ball() -> None:
             assert enclosure.contains(ball(end + radius))
 
 
-@pytest.mark.parametrize("meets", [True, False])
-def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, monkeypatch) -> None:
-    """Of the last cycle the other end is asked, with the claim's numbers and its own choices."""
+@pytest.mark.parametrize("contains_cycle", [True, False])
+def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(
+    contains_cycle, monkeypatch
+) -> None:
+    """Of the last cycle the other end is asked, with the claim's numbers and its own evidence."""
     asked: list[Any] = []
 
     def verified_end(claim: Any, evidence: Any) -> Any:
         asked.append((claim["numbers"]["omega_h"], claim["high"], evidence))
-        return SimpleNamespace(meets=lambda *cycle: asked.append(cycle) or meets)
+        return SimpleNamespace(contains_cycle=lambda *cycle: asked.append(cycle) or contains_cycle)
 
     monkeypatch.setattr(connection_cycles, "verify", verified_end)
     claim, entries, within = arcs()
@@ -183,7 +185,7 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(meets, mon
     claim["numbers"] |= {"omega_h": number}
     with (
         working_precision(100),
-        nullcontext() if meets else pytest.raises(certificates.Unproved, match="run into"),
+        nullcontext() if contains_cycle else pytest.raises(certificates.Unproved, match="run into"),
     ):
         verify(
             claim,
@@ -212,13 +214,15 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     said: list[Any] = []
 
     class Test:
-        included, within = True, (ball("1e-3"), ball("2e-3"))
+        included, shift = True, (ball("1e-3"), ball("2e-3"))
 
-    def box_test(disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], choices: Any) -> Any:
+    def spied_test(
+        disk: Any, low: Any, arc: Any, radii: Sequence[Fraction], step_proposer: Any
+    ) -> Any:
         said.append([float(radius) for radius in radii])
         return Test()
 
-    monkeypatch.setattr(module, "box_test", box_test)
+    monkeypatch.setattr(module, "krawczyk_test_of_box", spied_test)
     monkeypatch.setattr(module, "first_unproved_sign", lambda arc: said.append("signs"))
     narrow, wide = {"radii": ["0.01", "0.02"], "steps": []}, {"radii": ["0.1", "0.2"], "steps": []}
     piece = verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
@@ -288,7 +292,7 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
     content = json.loads(proof.certificate())
     shown: dict[int, Piece] = {}
 
-    def mapped(function: Any, jobs: Sequence[Job]) -> list[Piece]:
+    def mapped(function: Any, jobs: Sequence[ArcJob]) -> list[Piece]:
         for job in jobs:
             shown[job[2]] = shown.get(job[2]) or function(job)
         return [shown[job[2]] for job in jobs]
@@ -302,7 +306,7 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
         spoil(arc)
         with pytest.raises((certificates.Unproved, certificates.NotACertificate), match=said):
             verify_piece((DISK, Fraction("0.1"), 2, arc))
-    assert first(SUBCRITICAL) is module.ArcStatus.RISING
+    assert first(SUBCRITICAL) is module.ArcStatus.SPEED_GROWS
     for other in (SUBCRITICAL, CALIBRATED):
         with pytest.raises(certificates.Unproved, match="arc 2"):
             verify_piece(

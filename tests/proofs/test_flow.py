@@ -8,15 +8,15 @@ from fractions import Fraction
 
 import pytest
 
-from tests.proofs.cases import carry
+from tests.proofs.cases import flow_for
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.model.precision import QUADRUPLE
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
-from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.kernel.step import Trial
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.step import StepTrial
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
@@ -25,7 +25,7 @@ START = ("0", "1.69", "-1.71")
 
 
 def model() -> Model:
-    return model_of(PRINTED, ball(OMEGA))
+    return model_for_disk(PRINTED, ball(OMEGA))
 
 
 def start() -> list:
@@ -45,7 +45,7 @@ def blow_up(ops, constants, omega):
 
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
-        flight = carry(
+        flight = flow_for(
             Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
         )
         assert flight.status is None
@@ -78,14 +78,14 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     with working_precision(60):
         constants = ball_constants(PRINTED)
         path = Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch())
-        trial = Trial(path, (18, 16))
-        assert [trial.tested(length).included for length in lengths] == shown
+        trial = StepTrial(path, (18, 16))
+        assert [trial.tested_step(length).included for length in lengths] == shown
         array_model = Model(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
         )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        trial = Trial(array_model.path(start, FlightStepSearch()), (18, 16))
-        assert list(trial.tested(BallArray(lengths)).included) == shown
+        trial = StepTrial(array_model.path(start, FlightStepSearch()), (18, 16))
+        assert list(trial.tested_step(BallArray(lengths)).included) == shown
 
 
 # ----------------------------------------------------------------------------------- the integrator
@@ -114,7 +114,9 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
     )
     ordinary = taylor(request)
     with working_precision(80):
-        flight = carry(model_of(disk, ball(OMEGA)), map(ball, start), span, derivatives=True)
+        flight = flow_for(
+            model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
+        )
     assert flight.status is None
     assert flight.upright
     for row, others in zip(
@@ -135,31 +137,34 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
             step = path.step()
             assert step is not None
             for share in (0, 0.3, 0.7, 1):
-                state = step.at(ball(share * step.length))
+                state = step.states_at(ball(share * step.length))
                 assert all(
                     whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True)
                 )
-            path.take(step)
+            path.take_step(step)
 
 
 # ----------------------------------------------------------------------------- ends without a proof
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
-        assert carry(model(), wide, "0.5").status in (FlowStatus.TOO_WIDE, FlowStatus.NO_ENCLOSURE)
+        assert flow_for(model(), wide, "0.5").status in (
+            FlowStatus.TOO_WIDE,
+            FlowStatus.NO_ENCLOSURE,
+        )
         assert (
-            carry(model(), [part + arb(0, 1) for part in start()], "0.5").status
+            flow_for(model(), [part + arb(0, 1) for part in start()], "0.5").status
             is FlowStatus.TOO_WIDE
         )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
-            flight = carry(model(), [0, strange, -1], "0.1")
+            flight = flow_for(model(), [0, strange, -1], "0.1")
             assert flight.status is FlowStatus.NO_ENCLOSURE
-            assert flight.path.steps == 0
+            assert flight.path.step_count == 0
         assert (
-            carry(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
+            flow_for(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
             is FlowStatus.NO_ENCLOSURE
         )
     with working_precision(24):
-        short = carry(model(), start(), "0.5")
+        short = flow_for(model(), start(), "0.5")
         # Twenty-four bits hold seven digits.
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

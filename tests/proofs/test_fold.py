@@ -21,7 +21,7 @@ from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb
-from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
+from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of
 from tippedisk_verify.proofs.search.fold_proof import (
     LIBRATING_SECTION,
@@ -47,7 +47,7 @@ HALF_LENGTH = Fraction(1, 10**11)  # of the arc, for 12 digits
 def held(proof: FoldProof, fold: Fold, digits: int) -> None:
     """The proof holds Newton's fold, and what it prints is what was tested."""
     assert proof.proved, proof.statement
-    arc, v = (proof.values[name] for name in UNKNOWNS[proof.section])
+    arc, v = (proof.values[name] for name in COORDINATE_NAMES[proof.section])
     assert all(number.contains(getattr(fold, name)) for name, number in proof.values.items())
     assert proof.values["omega"].uncertainty < proof.values["omega"].value / 10**digits
     # The arc is a hypothesis: its decimals say it exactly. The curve stays inside the intervals
@@ -156,11 +156,11 @@ def test_no_fold_is_proved_beside_one(taylor, subcritical_fold) -> None:
     where no cycle passes.
     """
     short = prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH * 3 / 2))
-    assert "not proved to rise at one end" in short.where
+    assert "not proved to rise at one end" in short.outcome_detail
     held(prove_fold(SUBCRITICAL, moved(subcritical_fold, HALF_LENGTH / 2)), subcritical_fold, 12)
     cycle = shoot_limit_cycle(PRINTED, "30.4", taylor, digits=25)
     without = prove_fold(PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
-    assert "not proved to rise at one end" in without.where
+    assert "not proved to rise at one end" in without.outcome_detail
     assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
     rising = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
     near = (rising.beta_bar_top.value, rising.v_top.value, "30.02")

@@ -28,13 +28,13 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    cones,
-    show_departure,
+    cone_conditions,
     show_isolating_block,
+    show_unstable_cone,
 )
 from tippedisk_verify.proofs.search.connection_proof import (
     eigenvectors,
-    series_of_curve,
+    invariant_curve_series,
     smallest_weights,
 )
 from tippedisk_verify.proofs.search.proof import parameter_texts
@@ -67,7 +67,7 @@ def saddle_at(parameters: Parameters, width: str = "0") -> SaddleCoordinates:
 def series(parameters: Parameters, along: int, order: int) -> ManifoldGraph:
     values = eigenvectors(parameters, SPEED)[0]
     with working_precision(BITS):
-        return series_of_curve(saddle_at(parameters), along, order, values)
+        return invariant_curve_series(saddle_at(parameters), along, order, values)
 
 
 def curve_of(
@@ -113,7 +113,7 @@ def test_the_unstable_branch_is_where_the_power_series_put_it(
     """With a short series too, whose defect is all remainder."""
     curve = curve_of(parameters, UNSTABLE, order=order)
     cone = cone_of(curve)
-    box, _, _ = show_departure(curve, THETA, cone, curve.relative_defect(THETA))
+    box, _, _ = show_unstable_cone(curve, THETA, cone, curve.relative_defect(THETA))
     assert all(float(part) < sharp for part in cone)
     truth = point_of(
         curve.saddle, truth_of(parameters, Fraction(0)).unstable_curve, UNSTABLE, 0.0625
@@ -127,16 +127,18 @@ def test_the_cone_of_an_interval_of_speeds_holds_how_the_branch_moves() -> None:
     that of the speeds.
     """
     curve, step = curve_of(PRINTED, UNSTABLE, "1e-9"), Fraction(1, 10**9)
-    box, whole, matrix = show_departure(curve, THETA, cone_of(curve), curve.relative_defect(THETA))
+    box, whole, matrix = show_unstable_cone(
+        curve, THETA, cone_of(curve), curve.relative_defect(THETA)
+    )
     low, middle, high = (
         point_of(curve.saddle, truth_of(PRINTED, shift).unstable_curve, UNSTABLE, 0.0625)
         for shift in (-step, Fraction(0), step)
     )
     for truth in (low, middle, high):
         assert all(mine.contains(true.mid()) for mine, true in zip(box[1:], truth[1:], strict=True))
-    by_speed = curve.saddle.field(whole)[2]
+    by_speed = curve.saddle.rates_and_derivatives(whole)[2]
     weights = smallest_weights(matrix, by_speed)
-    assert all(map(positive, cones(matrix, weights, by_speed)))
+    assert all(map(positive, cone_conditions(matrix, weights, by_speed)))
     for place in (SLOW, FAST):
         moved = abs(high[place] - low[place]) / (2 * ball(step))
         assert moved < weights[place]
@@ -151,7 +153,7 @@ def test_the_slow_stable_curve_lies_within_delta_of_the_block(
     delta, _, _ = show_isolating_block(curve, (arb("0.06").mid(), arb(size).mid(), arb(size).mid()))
     assert float(delta) < sharp
     for theta in (-0.05, -0.01, 0.03):
-        w_u, w_f = curve.straightened(
+        w_u, w_f = curve.offset_from_curve(
             point_of(curve.saddle, truth_of(PRINTED, Fraction(0)).stable_curve, SLOW, theta)
         )
         assert abs(w_u) < delta
@@ -168,23 +170,23 @@ def test_the_slow_curve_of_the_smooth_law_lies_in_the_block_on_both_sides() -> N
     # Without the mirror one of the two is off by the jump of the curve's second derivative.
     plain, offs = ManifoldGraph(curve.saddle, SLOW, curve.graph, None), []
     for z in (truth, [-part for part in truth]):
-        off = curve.straightened(z)
+        off = curve.offset_from_curve(z)
         assert all(abs(part) < small for part in off)
         assert abs(off[0]) < delta
-        offs += map(abs, plain.straightened(z))
+        offs += map(abs, plain.offset_from_curve(z))
     assert any(off > arb("1e-8") for off in offs)
 
 
 def test_a_curve_of_the_wrong_side_is_refused() -> None:
     curve, slow = curve_of(SMOOTH, UNSTABLE), curve_of(SMOOTH, SLOW)
-    curve.keeps_side(THETA, (arb(0), arb(0)))
+    curve.require_side(THETA, (arb(0), arb(0)))
     other, block_of_other = (
         ManifoldGraph(one.saddle, one.along, one.graph, -(one.side or 0)) for one in (curve, slow)
     )
     # gamma_y = 0 cuts the wide cone
     for wrong, cone in ((other, (arb(0), arb(0))), (curve, (arb(1), arb(1)))):
         with pytest.raises(Unproved, match="sign of the sliding velocity"):
-            wrong.keeps_side(THETA, cone)
+            wrong.require_side(THETA, cone)
     with pytest.raises(Unproved):
         show_isolating_block(block_of_other, (arb(0.01), arb(1e-9), arb(1e-9)))
 
@@ -192,7 +194,7 @@ def test_a_curve_of_the_wrong_side_is_refused() -> None:
 def test_derivatives_over_boxes_that_both_sides_meet() -> None:
     """Differences of the smooth field itself lie in them, wherever the two states are."""
     size, saddle = arb("0.002"), saddle_at(SMOOTH)
-    matrix = arb_mat(saddle.field([arb(0, size.upper())] * 3)[1])
+    matrix = arb_mat(saddle.rates_and_derivatives([arb(0, size.upper())] * 3)[1])
     for one, two in (
         ((1, 0, 0), (-1, 0, 0)),
         ((0, 1, 1), (0, 1, -1)),
@@ -221,7 +223,7 @@ def test_what_is_too_large_or_not_finite_is_refused() -> None:
             show_isolating_block(slow, extents)
     curve = curve_of(PRINTED, UNSTABLE, order=5)
     right = cone_of(curve)
-    show_departure(curve, THETA, right, curve.relative_defect(THETA))
+    show_unstable_cone(curve, THETA, right, curve.relative_defect(THETA))
     for theta, cone in (
         (arb(3), right),
         (arb("nan"), right),
@@ -230,7 +232,7 @@ def test_what_is_too_large_or_not_finite_is_refused() -> None:
         (THETA, [right[0], right[1] / 1000]),
     ):
         with pytest.raises(Unproved):
-            show_departure(curve, theta, cone, curve.relative_defect(theta))
+            show_unstable_cone(curve, theta, cone, curve.relative_defect(theta))
 
 
 def test_the_derivative_across_a_curve_is_that_of_the_rate_of_w() -> None:
@@ -250,7 +252,7 @@ def test_the_derivative_across_a_curve_is_that_of_the_rate_of_w() -> None:
     for column in range(2):
         moved = [part + (step if k == column else 0) for k, part in enumerate(start)]
         box = curve.point(theta, [a.union(b) for a, b in zip(start, moved, strict=True)])
-        rows = curve.across(arb_mat(curve.saddle.field(box)[1]), theta)
+        rows = curve.transverse_jacobian(arb_mat(curve.saddle.rates_and_derivatives(box)[1]), theta)
         for row, (after, before) in enumerate(zip(rate(moved), rate(start), strict=True)):
             assert ((after - before) / step).overlaps(rows[row][column])
             assert rows[row][column].rel_accuracy_bits() > 20
@@ -268,7 +270,9 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
     assert saddle.rates([arb(0)] * 3) == [0, 0, 0]
     for column in range(3):
         other = [part + (step if k == column else 0) for k, part in enumerate(z)]
-        matrix = saddle.field([a.union(b) for a, b in zip(z, other, strict=True)])[1]
+        matrix = saddle.rates_and_derivatives([a.union(b) for a, b in zip(z, other, strict=True)])[
+            1
+        ]
         for row, (after, before) in enumerate(zip(saddle.rates(other), start, strict=True)):
             assert ((after - before) / step).overlaps(matrix[row][column])
     faster = SaddleCoordinates(
@@ -277,6 +281,8 @@ def test_the_field_in_these_coordinates_is_that_of_the_equations() -> None:
     both = SaddleCoordinates(
         saddle.disk, "linear", saddle.omega.union(faster.omega), saddle.directions.tolist()
     )
-    for after, before, slope in zip(faster.rates(z), start, both.field(z)[2], strict=True):
+    for after, before, slope in zip(
+        faster.rates(z), start, both.rates_and_derivatives(z)[2], strict=True
+    ):
         assert ((after - before) / step).overlaps(slope)
         assert slope.rel_accuracy_bits() > 20

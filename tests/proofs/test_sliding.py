@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, carry, half_flight
+from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import (
@@ -21,9 +21,9 @@ from tippedisk_verify.proofs.kernel.balls import (
     positive,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.field import sliding_motion
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import Crossing, SlidingPath, model_of
+from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep, model_for_disk
+from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import (
     ProvedConnection,
@@ -52,7 +52,9 @@ def _bits() -> Iterator[None]:
 
 def flown(start=START, omega=OMEGA, **options) -> Flight:
     """The flow from a start over `SPAN`."""
-    flight = carry(model_of(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options)
+    flight = flow_for(
+        model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
+    )
     assert flight.status is None
     return flight
 
@@ -80,14 +82,16 @@ LATER = "0.08"  # s
 def test_reversals_are_counted_and_the_sign_between_them_is_known(
     start: Any, span: str, reversals: int
 ) -> None:
-    path = model_of(SMOOTH, ball(OMEGA)).path([ball(part) for part in start], FlightStepSearch())
+    path = model_for_disk(SMOOTH, ball(OMEGA)).path(
+        [ball(part) for part in start], FlightStepSearch()
+    )
     assert isinstance(path, SlidingPath)
     crossings, before = 0, path.side
     while path.time < ball(span):
         step = path.step()
         assert step is not None
-        crossings += isinstance(step, Crossing)
-        path.take(step)
+        crossings += isinstance(step, SlidingReversalStep)
+        path.take_step(step)
         assert positive(path.side * gamma_y(ball_constants(SMOOTH), ball(OMEGA), path.box))
     assert (path.reversals, before, path.side) == (reversals, -1, 1 if reversals == 1 else -1)
     assert crossings == min(reversals, 1) or reversals == 2
@@ -95,14 +99,14 @@ def test_reversals_are_counted_and_the_sign_between_them_is_known(
 
 def test_a_box_that_holds_a_grazing_orbit_is_not_followed() -> None:
     start = [*map(ball, GRAZING[:2]), ball(GRAZING[2]) + arb(0, "0.001")]
-    flight = carry(model_of(SMOOTH, ball(OMEGA)), start, LATER)
+    flight = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
     assert flight.status is FlowStatus.GRAZING
     assert flight.path.time < ball(LATER)
 
 
 def test_a_start_on_both_sides_is_not_followed() -> None:
     """On the section gamma_y = 0 where rho v = -e Omega sin(gamma_bar)."""
-    model = model_of(SMOOTH, ball(OMEGA))
+    model = model_for_disk(SMOOTH, ball(OMEGA))
     gamma = ball("1.7")
     constants = model.constants
     v = -constants.e * ball(OMEGA) * gamma.sin() / (constants.r + constants.e * gamma.cos())
@@ -111,17 +115,17 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_of(SMOOTH, ball(OMEGA)).path(start, FlightStepSearch(), derivatives=True)
+    path = model_for_disk(SMOOTH, ball(OMEGA)).path(start, FlightStepSearch(), derivatives=True)
     step = path.step()
-    while not isinstance(step, Crossing):
+    while not isinstance(step, SlidingReversalStep):
         assert step is not None
-        path.take(step)
+        path.take_step(step)
         step = path.step()
-    doubtful = step.tau.mid()
-    assert not any(entry.is_finite() for row in step.rows_at(doubtful) for entry in row)
+    doubtful = step.reversal_time.mid()
+    assert not any(entry.is_finite() for row in step.step_derivatives_at(doubtful) for entry in row)
     assert not step.divergence_at(doubtful).is_finite()
-    assert step.at(doubtful) == step.enclosure
-    path.take(step, doubtful)
+    assert step.states_at(doubtful) == step.enclosure
+    path.take_step(step, doubtful)
     assert not any(part.is_finite() for part in path.box)
 
 
@@ -129,7 +133,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
 def test_the_reference_cycle_returns_to_its_start() -> None:
     truth = {name: reference(f"{PLACE}/{name}").measured() for name in NUMBERS[:4]}
     start = truth["gamma_bar_0"], truth["v_0"]
-    flight = half_flight(model_of(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
+    flight = half_flight(model_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
     assert (flight.status, flight.reversals) == (FlowStatus.RETURNED, 3)
     held = [*flight.image, 2 * flight.time, -flight.beta_least]
     for mine, other in zip(held, (*start, truth["period"], truth["beta_max"]), strict=True):
@@ -198,6 +202,6 @@ def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(
     connection: ProvedConnection,
 ) -> None:
     """All other hypotheses of the theorem are there."""
-    assert connection.slowly
+    assert connection.arrives_along_slow_direction
     assert connection.limit_cycle is None
     assert replace(connection, parameters=PRINTED).limit_cycle is not None

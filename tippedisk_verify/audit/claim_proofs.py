@@ -64,11 +64,11 @@ def proof_of(claim: Claim, finding: Finding, sets: Mapping[str, Parameters]) -> 
         commands[name] = " && ".join(parts)
     if not commands:
         return None
-    rests = [offer.rest] if offer.rest else []
+    open_parts = [offer.not_proved] if offer.not_proved else []
     if open_sets := [name for name in finding.holds if name not in commands]:
-        rests.append(f"anything for {', '.join(open_sets)}")
+        open_parts.append(f"anything for {', '.join(open_sets)}")
     laws = ("linear", "smooth") if offer.theorem.law is None else (offer.theorem.law,)
-    return ClaimProof(offer.theorem.name, laws, offer.proves, "; ".join(rests), commands)
+    return ClaimProof(offer.theorem.name, laws, offer.proves, "; ".join(open_parts), commands)
 
 
 def _covered(theorem: Theorem, parameters: Parameters) -> bool:

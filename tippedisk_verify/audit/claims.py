@@ -116,7 +116,7 @@ class ProofOffer(NamedTuple):
 
     theorem: Theorem
     proves: str
-    rest: str = ""  #: the part of the claim that it does not prove
+    not_proved: str = ""  #: the part of the claim that it does not prove
 
 
 FaultKind = Literal["slip", "follows-from", "differs"]

@@ -106,12 +106,14 @@ def orbit(
     if at_fold:
         if omega is not None or below_crit is not None or guess is not None or unstable:
             raise InputError("--at-fold finds the speed itself: leave out the other options")
-        return _written(prover.fold(fold, rotating=rotating, digits=digits), certificate)
-    speed, how = (
+        return _write_certificate(prover.fold(fold, rotating=rotating, digits=digits), certificate)
+    speed, options = (
         common.speed(omega, below_crit),
         {"stable": False if unstable else None, "guess": guess},
     )
-    return _written(prover.limit_cycle(speed, rotating=rotating, digits=digits, **how), certificate)
+    return _write_certificate(
+        prover.limit_cycle(speed, rotating=rotating, digits=digits, **options), certificate
+    )
 
 
 @disk_command(
@@ -134,15 +136,15 @@ def orbit(
 def heteroclinic(
     common: DiskOptions, near: str | None, cycles: str | None, certificate: Path | None
 ) -> Any:
-    prover, how = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
+    prover, options = common.disk.certify, {"digits": common.digits, "progress": not common.quiet}
     if cycles is None:
-        return _written(prover.heteroclinic(near, **how), certificate)
-    end = _written(prover.near_omega_h(cycles, near, **how), certificate)
-    common.show(end.connection.to_dict() | {"cycles": end.to_dict()})
-    return 0 if end.proved else 1
+        return _write_certificate(prover.heteroclinic(near, **options), certificate)
+    cycles_proof = _write_certificate(prover.near_omega_h(cycles, near, **options), certificate)
+    common.show(cycles_proof.connection.to_dict() | {"cycles": cycles_proof.to_dict()})
+    return 0 if cycles_proof.proved else 1
 
 
-def _written(proof: Any, certificate: Path | None) -> Any:
+def _write_certificate(proof: Any, certificate: Path | None) -> Any:
     """Write the certificate of a proof if a file for it is given and the proof succeeded. Return
     the proof.
     """
@@ -203,13 +205,13 @@ def branch(
 def check(output: OutputOptions, file: str, jobs: int | None) -> int:
     from tippedisk_verify.proofs.kernel import certificates
 
-    def mapped(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
+    def map_arcs(shown: Callable[[Any], Any], arcs: Sequence[Any]) -> Iterator[Any]:
         with process_pool(jobs, needed=len(arcs) > 1) as pool:
             answers = map_of(pool)(shown, arcs)
             yield from with_progress(answers, "arcs", len(arcs), not output.quiet)
 
     try:
-        output.show({"accepted": True, "statement": certificates.check(file, mapped)})
+        output.show({"accepted": True, "statement": certificates.check(file, map_arcs)})
         return 0
     except certificates.Unproved as fault:
         if not output.json:

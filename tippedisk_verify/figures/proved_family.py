@@ -9,8 +9,9 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
+from tippedisk_verify.proofs.closed_forms import measured_omega_crit
 from tippedisk_verify.proofs.kernel.certificates.family import Piece
-from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = ["draw_proved_family"]
 
@@ -26,7 +27,7 @@ def draw_proved_family(proof: FamilyProof) -> Any:
         The Matplotlib figure.
     """
     figure, axes = figure_with_axes(4, 2, (4.5, 3.4))
-    crit = float(enclosed_omega_crit(proof.parameters).value)
+    crit = float(measured_omega_crit(proof.parameters).value)
     enclosure = proof.connection.omega_h if proof.connection is not None else None
     omega_h = math.nan if enclosure is None else float(enclosure.value)
     for draw, axis in zip(
@@ -57,10 +58,10 @@ def _arcs(proof: FamilyProof) -> list[tuple[Piece, str, Any, Any]]:
 def _draw_family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
     for _, colour, a, omega in _arcs(proof):
         axis.plot(omega, a, color=colour, lw=2.2)
-    if proof.end_closed and proof.end is not None:
-        low = math.pi - float(proof.end.gamma)
+    if proof.heteroclinic_closed and proof.near_omega_h is not None:
+        low = math.pi - float(proof.near_omega_h.gamma)
         axis.fill_between(
-            [omega_h, float(proof.end.high)], low, math.pi, color=GREEN, alpha=0.6, lw=0
+            [omega_h, float(proof.near_omega_h.high)], low, math.pi, color=GREEN, alpha=0.6, lw=0
         )
     axis.margins(x=0.12)
     for speed, name, side in ((crit, r"$\Omega_\mathrm{crit}$", 1), (omega_h, r"$\Omega_h$", -1)):
@@ -132,16 +133,16 @@ def _draw_hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -
 
 
 def _draw_connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
-    closed = "the set Q holds the rest" if proof.end_closed else "open"
+    closed = "the set Q holds the rest" if proof.heteroclinic_closed else "open"
     axis.set_title(f"The heteroclinic end: {closed}")
     near = [arc for arc in _arcs(proof) if math.pi - float(arc[0].high) < 0.8]
-    if math.isnan(omega_h) or not (near or proof.end_closed):
+    if math.isnan(omega_h) or not (near or proof.heteroclinic_closed):
         axis.set_axis_off()
         return
-    if proof.end_closed and proof.end is not None:
-        reach = float(proof.end.high) - omega_h
+    if proof.heteroclinic_closed and proof.near_omega_h is not None:
+        reach = float(proof.near_omega_h.high) - omega_h
         axis.fill_between(
-            [_MIN_DISTANCE, float(proof.end.gamma)],
+            [_MIN_DISTANCE, float(proof.near_omega_h.gamma)],
             _MIN_DISTANCE / 10,
             reach,
             color=GREEN,

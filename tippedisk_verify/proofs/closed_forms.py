@@ -68,6 +68,7 @@ __all__ = [
     "chi",
     "exact_polynomial",
     "hopf_balls",
+    "measured_omega_crit",
     "proved_equilibrium",
     "proved_hopf",
     "proved_stability",
@@ -77,7 +78,8 @@ __all__ = [
 ]
 
 Criticality = Literal["supercritical", "subcritical"]
-_BITS = 128  # the precision that decides on which side of Omega_crit a speed lies
+# Bits in which Omega_crit is enclosed, to tell on which side of it a speed lies
+_OMEGA_CRIT_BITS = 128
 _EQUILIBRIA = {"inverted": INVERTED, "noninverted": NONINVERTED}
 
 
@@ -294,7 +296,7 @@ def refuse_past_birth(parameters: Parameters, highest: Fraction) -> None:
 
     If cycles are born above Omega_crit, a range that includes it may well be proved.
     """
-    with working_precision(_BITS):
+    with working_precision(_OMEGA_CRIT_BITS):
         numbers = hopf_balls(ball_constants(parameters))
         crit = numbers["omega_crit"]
         if negative(numbers["first_lyapunov_coefficient"]) and not ball(highest) < crit:
@@ -468,6 +470,12 @@ def hopf_balls(constants: Constants) -> dict[str, Any]:
         / (frequency * frequency)
         * (pair_slope.imag - c_1.imag * growth),
     }
+
+
+def measured_omega_crit(parameters: Parameters) -> Measured:
+    """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
+    with working_precision(_OMEGA_CRIT_BITS):
+        return ball_to_measured(hopf_balls(ball_constants(parameters))["omega_crit"])
 
 
 def _resonant_cubic(constants: Constants, omega: Any, q: list[Any]) -> list[Any]:

@@ -31,11 +31,11 @@ at least (1 - u)^15 times the exact one, and
 
     (1 - u)^15 (1 + 16 u) >= 1 + u - 240 u^2 > 1.
 
-So `_UP` = 1 + 16 u, times the rounded result, is an upper bound: the multiplication's own rounding
-is one of the 15. The absolute errors t of (1) are only added, or multiplied by numbers below 2.
-There are fewer than 2^20 of them in any expression, so `_TINY` = 2^-1000 exceeds their sum, those
-of the midpoint included. Where one would be multiplied by a large number, `_TINY` is added before,
-with a comment.
+So `_RADIUS_FACTOR` = 1 + 16 u, times the rounded result, is an upper bound: the multiplication's
+own rounding is one of the 15. The absolute errors t of (1) are only added, or multiplied by numbers
+below 2. There are fewer than 2^20 of them in any expression, so `_UNDERFLOW_ALLOWANCE` = 2^-1000
+exceeds their sum, those of the midpoint included. Where one would be multiplied by a large number,
+`_UNDERFLOW_ALLOWANCE` is added before, with a comment.
 
 Numpy's sine and cosine are not correctly rounded and differ between processors: `doubles` has its
 own.
@@ -53,7 +53,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tippedisk_verify.proofs.kernel.balls import DisturbedError
-from tippedisk_verify.proofs.kernel.doubles import outward, sine_and_cosine
+from tippedisk_verify.proofs.kernel.doubles import outward_rounded, sine_and_cosine
 
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
@@ -62,15 +62,16 @@ __all__ = ["BallArray", "unchecked_ball_array", "with_rounding", "without_warnin
 
 Array = NDArray[np.float64]
 
-_U = 2.0**-53
-_UP = 1 + 16 * _U
-_TINY = 2.0**-1000
-_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
+_UNIT_ROUNDOFF = 2.0**-53
+_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF
+_UNDERFLOW_ALLOWANCE = 2.0**-1000
+_SMALLEST_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
 _EXACT_INTEGERS = 2**53
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-_IS_QUIET: ContextVar[bool] = ContextVar("_IS_QUIET", default=False)
-_STEPS, _STEPPED = np.array([_U, 3 * _U]), np.array([1.0, 1 + 4 * _U])  # 1 + step, to nearest
+_IGNORES_WARNINGS: ContextVar[bool] = ContextVar("_IGNORES_WARNINGS", default=False)
+_PROBE_STEPS = np.array([_UNIT_ROUNDOFF, 3 * _UNIT_ROUNDOFF])
+_PROBE_SUMS = np.array([1.0, 1 + 4 * _UNIT_ROUNDOFF])  # 1 + step, rounded to nearest
 
 
 def _require_rounding_to_nearest() -> None:
@@ -78,14 +79,14 @@ def _require_rounding_to_nearest() -> None:
 
     In another rounding mode the error bound (1) of this module would need 2 u in place of u.
     """
-    if (1 + _STEPS != _STEPPED).any():
+    if (1 + _PROBE_STEPS != _PROBE_SUMS).any():
         raise DisturbedError(
             "this process does not round to nearest: proofs in doubles are not possible in it"
         )
 
 
 @contextmanager
-def quiet() -> Iterator[None]:
+def ignoring_numpy_warnings() -> Iterator[None]:
     """Suppress numpy's floating-point warnings within a with block about operations on these
     arrays.
 
@@ -95,23 +96,21 @@ def quiet() -> Iterator[None]:
     """
     _require_rounding_to_nearest()
     with np.errstate(all="ignore"):
-        before = _IS_QUIET.set(True)
+        before = _IGNORES_WARNINGS.set(True)
         try:
             yield
         finally:
-            _IS_QUIET.reset(before)
+            _IGNORES_WARNINGS.reset(before)
 
 
 def without_warnings(function: _F) -> _F:
-    """Decorate an operation on arrays of balls so that it runs within `quiet`, without numpy's
-    warnings.
-    """
+    """Decorate an operation on arrays of balls so that it runs within `ignoring_numpy_warnings`."""
 
     @wraps(function)
     def wrapped(*arguments: Any) -> Any:
-        if _IS_QUIET.get():
+        if _IGNORES_WARNINGS.get():
             return function(*arguments)
-        with quiet():
+        with ignoring_numpy_warnings():
             return function(*arguments)
 
     return cast(_F, wrapped)
@@ -126,23 +125,23 @@ class BallArray:
     """
 
     __slots__ = ("_mid", "_rad")
-    quiet = staticmethod(quiet)
+    ignoring_numpy_warnings = staticmethod(ignoring_numpy_warnings)
     __array_ufunc__ = None  # numpy's numbers on the left leave the operation to this class
 
     @without_warnings
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
-        given_mid, given_rad = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
-        if given_mid.ndim != 1:
+        midpoints, radii = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
+        if midpoints.ndim != 1:
             raise ValueError("arrays of balls are one-dimensional")
-        m, r = given_mid.copy(), given_rad.copy()
+        m, r = midpoints.copy(), radii.copy()
         # Read as bits, because a processor may be set to see zeros instead of subnormals.
         bits, r_bits = (part.view(np.uint64) & np.uint64(2**63 - 1) for part in (m, r))
         small = (bits > 0) & (bits < 2**52)
         m[small] = 0.0
         # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its
         # rounding.
-        r[(r_bits > 0) & (r_bits < 2**52)] = _NORMAL
-        r[small] = (r[small] + 4 * _NORMAL) * _UP
+        r[(r_bits > 0) & (r_bits < 2**52)] = _SMALLEST_NORMAL
+        r[small] = (r[small] + 4 * _SMALLEST_NORMAL) * _RADIUS_FACTOR
         r[~(np.isfinite(m) & (r >= 0))] = np.inf
         self._mid, self._rad = m, r
 
@@ -151,7 +150,7 @@ class BallArray:
         """Return an array with a ball around each number: Arb's balls, Fractions, integers or
         floats.
         """
-        pairs = [outward(value) for value in values]
+        pairs = [outward_rounded(value) for value in values]
         return cls([mid for mid, _ in pairs], [rad for _, rad in pairs])
 
     @property
@@ -260,7 +259,7 @@ class BallArray:
 
         d = |b| - rb is rounded once and not negative if |b| > rb; where it is not positive there is
         no bound. The absolute error of q = a / b is below 2^-1022 and is multiplied by rb / d. That
-        of rb / d is multiplied by |q|. Hence `_TINY` in both.
+        of rb / d is multiplied by |q|. Hence `_UNDERFLOW_ALLOWANCE` in both.
         """
         if factor := _exact_float(other):
             return with_rounding(self._mid / factor, self._rad / abs(factor))
@@ -270,8 +269,8 @@ class BallArray:
         distance[~(distance > 0)] = np.nan
         quotient = self._mid / b._mid
         radius = np.abs(quotient)
-        radius += _TINY
-        radius *= b._rad / distance + _TINY
+        radius += _UNDERFLOW_ALLOWANCE
+        radius *= b._rad / distance + _UNDERFLOW_ALLOWANCE
         radius += self._rad / distance
         return with_rounding(quotient, radius)
 
@@ -294,15 +293,18 @@ class BallArray:
 
         Let S and C be the sine and cosine of the midpoint plus the quarters. For |s| <= r, by
         Taylor's formula, |sin(x + s) - S| <= min(r, |C| r + r^2 / 2). So the ball hardly widens at
-        an extremum of the sine. The error t of C is multiplied by r, so `_TINY` is added to its
-        bound.
+        an extremum of the sine. The error t of C is multiplied by r, so `_UNDERFLOW_ALLOWANCE` is
+        added to its bound.
         """
         n, sine, sine_error, cosine, cosine_error = sine_and_cosine(self._mid)
         j = n + quarters
         j -= 4 * np.floor(j / 4)
         odd = j % 2 == 1
         value = np.where(odd, cosine, sine)
-        slope = np.where(odd, np.abs(sine) + sine_error, np.abs(cosine) + cosine_error) + _TINY
+        slope = (
+            np.where(odd, np.abs(sine) + sine_error, np.abs(cosine) + cosine_error)
+            + _UNDERFLOW_ALLOWANCE
+        )
         error = np.where(odd, cosine_error, sine_error)
         r = self._rad
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
@@ -320,7 +322,7 @@ class BallArray:
         """Return upper bounds of the absolute values of the balls, as balls of radius zero
         (infinite where the ball is).
         """
-        return BallArray((np.abs(self._mid) + self._rad) * _UP + _TINY)
+        return BallArray((np.abs(self._mid) + self._rad) * _RADIUS_FACTOR + _UNDERFLOW_ALLOWANCE)
 
     def around_zero(self) -> BallArray:
         """Return balls about 0 whose radii are `abs_upper`, the upper bounds of the absolute
@@ -371,8 +373,8 @@ class BallArray:
         b = _operand(other)
         reach = np.abs(self._mid - b._mid)
         reach += self._rad
-        reach *= _UP
-        reach += _TINY
+        reach *= _RADIUS_FACTOR
+        reach += _UNDERFLOW_ALLOWANCE
         return cast(NDArray[np.bool_], (reach < b._rad) & b.is_finite())
 
 
@@ -401,7 +403,7 @@ def unchecked_ball_array(mid: Array, rad: Array) -> BallArray:
     return ball
 
 
-def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
+def with_rounding(middle: Array, radius: Array, up: float = _RADIUS_FACTOR) -> BallArray:
     """Return an array of balls for the rounded result of an operation.
 
     The rounding error of the midpoint ``middle`` is added to ``radius``, a new array computed from
@@ -410,10 +412,10 @@ def with_rounding(middle: Array, radius: Array, up: float = _UP) -> BallArray:
     infinity.
     """
     rounding = np.abs(middle)
-    rounding *= _U
+    rounding *= _UNIT_ROUNDOFF
     radius += rounding
     radius *= up
-    radius += _TINY
+    radius += _UNDERFLOW_ALLOWANCE
     return unchecked_ball_array(middle, np.fmin(radius, np.inf, out=radius))
 
 
@@ -424,7 +426,11 @@ def _exact_float(value: Any) -> float | None:
     """
     if isinstance(value, int) and abs(value) <= _EXACT_INTEGERS:
         return float(value)
-    return float(value) if isinstance(value, float) and _NORMAL <= abs(value) < np.inf else None
+    return (
+        float(value)
+        if isinstance(value, float) and _SMALLEST_NORMAL <= abs(value) < np.inf
+        else None
+    )
 
 
 def _operand(value: Any) -> BallArray:

@@ -38,23 +38,23 @@ __all__ = [
     "ball_constants",
     "coefficient",
     "converted_like",
-    "cut_for_derivatives",
     "inside",
     "intersection",
     "is_ball_array",
+    "magnitude_estimate",
     "midpoint_and_radius",
     "negative",
     "positive",
     "range_of",
     "require",
     "series_length",
-    "upper",
+    "truncated_for_derivatives",
     "working_bits",
     "working_precision",
 ]
 
 # Held while python-flint's context is changed; the thread that holds it may take it again.
-_CONTEXT = threading.RLock()
+_CONTEXT_LOCK = threading.RLock()
 _MIN_BITS, _MAX_BITS = 24, 1_000_000
 
 
@@ -68,10 +68,10 @@ class DisturbedError(ArithmeticError):
     """
 
 
-def require(verified: object, what: str) -> None:
-    """Raise Unproved, with the message ``what``, unless ``verified`` is True."""
+def require(verified: object, message: str) -> None:
+    """Raise Unproved, with the message ``message``, unless ``verified`` is True."""
     if verified is not True:
-        raise Unproved(what)
+        raise Unproved(message)
 
 
 @contextmanager
@@ -84,7 +84,7 @@ def working_precision(bits: int) -> Iterator[None]:
         raise ValueError(
             f"a working precision of {bits} bits is not offered: use {_MIN_BITS} to {_MAX_BITS}"
         )
-    with _CONTEXT:
+    with _CONTEXT_LOCK:
         before, ctx.prec = ctx.prec, bits
         try:
             yield
@@ -99,7 +99,7 @@ def series_length(length: int) -> Iterator[None]:
 
     Another thread's block begins when this one has ended.
     """
-    with _CONTEXT:
+    with _CONTEXT_LOCK:
         before, ctx.cap = ctx.cap, length
         try:
             yield
@@ -131,7 +131,7 @@ def coefficient(series: Any, power: int) -> Any:
 
 
 class BallOps:
-    """The sine and cosine (``ops``) that `field` uses for balls and for series of balls."""
+    """The sine and cosine (``ops``) that `vector_field` uses for balls and for series of balls."""
 
     @staticmethod
     def sin(angle: Any) -> Any:
@@ -189,7 +189,7 @@ def inside(x: Any, y: Any) -> Any:
     return bool(x.is_finite() and y.is_finite() and y.contains_interior(x))
 
 
-def upper(x: Any) -> Any:
+def magnitude_estimate(x: Any) -> Any:
     """Return a float near the largest absolute value in the ball ``x``, to guide choices in a
     proof.
 
@@ -210,15 +210,16 @@ def converted_like(sample: Any, value: object) -> Any:
 
 def range_of(x: Any) -> Any:
     """Return a ball that holds all values of a `jets.Jet`; return anything else unchanged."""
-    return x.range() if hasattr(x, "c") else x
+    return x.range() if hasattr(x, "coefficients") else x
 
 
-def cut_for_derivatives(x: Any) -> Any:
-    """Return a jet ``x`` with its degree cut to `jets.ROUGH_DEGREE`, enough for derivatives.
+def truncated_for_derivatives(x: Any) -> Any:
+    """Return a jet ``x`` with its degree reduced to `jets.DERIVATIVE_DEGREE`, enough for
+    derivatives.
 
     The result still encloses the same functions. Anything else is returned unchanged.
     """
-    return x.cut_for_derivatives() if hasattr(x, "c") else x
+    return x.truncated_for_derivatives() if hasattr(x, "coefficients") else x
 
 
 def around_zero(radius: Any) -> Any:

@@ -20,28 +20,28 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_bits,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.field import UNITS
+from tippedisk_verify.proofs.kernel.vector_field import PARAMETER_UNITS
 
 __all__ = [
-    "DISK",
-    "LAWS",
-    "MEASURED",
+    "DISK_SHAPE",
+    "FRICTION_LAWS",
+    "NUMBER_SHAPE",
     "STABILITY_WORDS",
     "ClaimReader",
     "NotACertificate",
-    "as_float",
-    "count",
-    "decimal",
     "digest",
-    "dyadic",
     "dyadic_text",
+    "nearby_double",
     "one_of",
-    "order",
-    "precision",
-    "radius",
+    "read_count",
+    "read_decimal",
+    "read_dyadic",
     "read_json",
+    "read_order",
+    "read_precision",
+    "read_radius",
     "read_shape",
-    "require_within_claim",
+    "require_claimed_enclosure",
 ]
 
 # Bytes of a file; the largest whole number; the highest order of a series
@@ -53,7 +53,7 @@ class NotACertificate(Exception):
     """Raised if a file is not a certificate; the message names the fault and its place."""
 
 
-def dyadic(value: Any) -> Any:
+def read_dyadic(value: Any) -> Any:
     """Read an exact number, a text with a hexadecimal mantissa and a power of two, as one of Arb's
     balls.
 
@@ -71,24 +71,24 @@ def dyadic(value: Any) -> Any:
 
 def dyadic_text(point: Any) -> str:
     """Write an exact ball or a float as text: a hexadecimal mantissa and a power of two, as
-    `dyadic` reads it.
+    `read_dyadic` reads it.
     """
     mantissa, exponent = arb(point).man_exp()
     return f"{int(mantissa):x}p{int(exponent)}"
 
 
-def radius(value: Any) -> Any:
+def read_radius(value: Any) -> Any:
     """Read a radius, an exact number as text, and return the ball about zero with this radius.
 
     Raises ValueError if it is negative.
     """
-    size = dyadic(value)
+    size = read_dyadic(value)
     if not size >= 0:
         raise ValueError("a radius must not be negative")
     return arb(0, size)
 
 
-def decimal(value: Any) -> str:
+def read_decimal(value: Any) -> str:
     """Check that a value is the text of an exact decimal or of a ratio of two integers, and return
     it unchanged.
 
@@ -100,7 +100,7 @@ def decimal(value: Any) -> str:
     return value
 
 
-def as_float(text: str) -> float:
+def nearby_double(text: str) -> float:
     """Convert the text of an exact decimal or ratio to a nearby double. Raises Unproved if it is
     out of range.
     """
@@ -110,30 +110,31 @@ def as_float(text: str) -> float:
         raise Unproved("a choice is beyond any double") from None
 
 
-def count(value: Any) -> int:
+def read_count(value: Any) -> int:
     if type(value) is not int or not 1 <= value <= _MAX_COUNT:
         raise ValueError(f"a whole number from 1 to {_MAX_COUNT} is needed")
     return value
 
 
-def precision(value: Any) -> int:
-    if count(value) < _MIN_BITS:
+def read_precision(value: Any) -> int:
+    if read_count(value) < _MIN_BITS:
         raise ValueError(f"at least {_MIN_BITS} bits are needed")
     return int(value)
 
 
-def order(value: Any) -> int:
-    if count(value) > _HIGHEST_ORDER:
+def read_order(value: Any) -> int:
+    if read_count(value) > _HIGHEST_ORDER:
         raise ValueError(f"an order of {_HIGHEST_ORDER} at most is needed")
     return int(value)
 
 
-def one_of(*choices: Any) -> Callable[[Any], Any]:
+def one_of(*alternatives: Any) -> Callable[[Any], Any]:
     def read(value: Any) -> Any:
         if not any(
-            value is choice or (isinstance(value, str) and value == choice) for choice in choices
+            value is alternative or (isinstance(value, str) and value == alternative)
+            for alternative in alternatives
         ):
-            raise ValueError(f"one of {', '.join(map(str, choices))} is needed")
+            raise ValueError(f"one of {', '.join(map(str, alternatives))} is needed")
         return value
 
     return read
@@ -171,38 +172,38 @@ def read_shape(value: Any, shape: Any, path: str) -> Any:
 
 
 class ClaimReader(dict[str, Any]):
-    """The claim of a certificate as a dictionary that records, in ``read``, which members were
-    read.
+    """The claim of a certificate as a dictionary that records, in ``names_read``, which members
+    were read.
 
     A member that is never read is never tested.
     """
 
     def __init__(self, members: Mapping[str, Any]) -> None:
         super().__init__(members)
-        self.read: set[str] = set()
+        self.names_read: set[str] = set()
 
     def __getitem__(self, name: str) -> Any:
-        self.read.add(name)
+        self.names_read.add(name)
         return super().__getitem__(name)
 
     def get(self, name: str, default: Any = None) -> Any:
         """Return a member of the claim, or the default if it is missing. Record that it
         was read.
         """
-        self.read.add(name)
+        self.names_read.add(name)
         return super().get(name, default)
 
 
-MEASURED = {"value": decimal, "uncertainty": decimal}
+NUMBER_SHAPE = {"value": read_decimal, "uncertainty": read_decimal}
 
 
-def _once(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
+def _unique_members(pairs: Sequence[tuple[str, Any]]) -> dict[str, Any]:
     if len({name for name, _ in pairs}) < len(pairs):
         raise NotACertificate("an object has two members of the same name")
     return dict(pairs)
 
 
-def _no_float(text: str) -> NoReturn:
+def _refuse_float(text: str) -> NoReturn:
     raise NotACertificate(
         f"a number is written as {text[:40]}: numbers that are not whole are texts here"
     )
@@ -218,7 +219,10 @@ def read_json(path: str) -> Any:
         if len(raw) > _MAX_FILE:
             raise NotACertificate(f"it is larger than {_MAX_FILE} bytes")
         return json.loads(
-            raw, object_pairs_hook=_once, parse_float=_no_float, parse_constant=_no_float
+            raw,
+            object_pairs_hook=_unique_members,
+            parse_float=_refuse_float,
+            parse_constant=_refuse_float,
         )
     except OSError as fault:
         raise NotACertificate(f"it cannot be read: {fault.strerror}") from None
@@ -239,13 +243,16 @@ def digest(content: dict[str, Any]) -> str:
 
 # --------------------------------------------------------------------------- common to all
 class FrictionTraits(NamedTuple):
-    """The properties of a friction law that proofs need, besides its formula in `field`."""
+    """The properties of a friction law that proofs need, besides its formula in `vector_field`."""
 
     title: str  #: its name in a sentence
     two_sided: bool  #: True if its two sides, at gamma_y = 0, are different analytic functions
 
 
-LAWS = {"linear": FrictionTraits("linear", False), "smooth": FrictionTraits("smooth Coulomb", True)}
+FRICTION_LAWS = {
+    "linear": FrictionTraits("linear", False),
+    "smooth": FrictionTraits("smooth Coulomb", True),
+}
 
 #: The names of an orbit by its stability. Unlike a limit cycle, an undecided one need not be
 #: isolated.
@@ -256,10 +263,14 @@ STABILITY_WORDS = {
 }
 
 #: The members that every claim has: its kind, its disk and its friction law
-DISK = {"kind": str, "parameters": dict.fromkeys(UNITS, decimal), "friction": one_of(*LAWS)}
+DISK_SHAPE = {
+    "kind": str,
+    "parameters": dict.fromkeys(PARAMETER_UNITS, read_decimal),
+    "friction": one_of(*FRICTION_LAWS),
+}
 
 
-def require_within_claim(number: Mapping[str, str], x: Any, name: str) -> None:
+def require_claimed_enclosure(number: Mapping[str, str], x: Any, name: str) -> None:
     """Raise Unproved unless the ball ``x`` lies within the half-width of the claimed ``number``.
 
     The message contains ``name``.

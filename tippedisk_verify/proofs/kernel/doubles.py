@@ -19,23 +19,23 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import arb, midpoint_and_radius
 
-__all__ = ["outward", "sine_and_cosine"]
+__all__ = ["outward_rounded", "sine_and_cosine"]
 
 Array = NDArray[np.float64]
 
-_U = 2.0**-53
-_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
+_UNIT_ROUNDOFF = 2.0**-53
+_SMALLEST_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
 # pi/2 = A + B + C + rest: A and B are multiples of 2^-32 and 2^-65 with at most 33 bits, B < 2^-33,
 # C < 2^-67 and |rest| < 2^-119. So n A and n B are exact for |n| < 2^19.
 _HALF_PI_A = float.fromhex("0x1.921fb544p+0")
 _HALF_PI_B = float.fromhex("0x1.0b4611a6p-34")
 _HALF_PI_C = float.fromhex("0x1.3198a2e037073p-69")
-_WIDEST_ANGLE = 2.0**18
-_WIDEST_REST = 0.8
+_MAX_ANGLE = 2.0**18
+_MAX_REDUCED_ANGLE = 0.8
 # Taylor coefficients in y^2, from the last to the first: of (sin(y) - y) / y^3, and of
 # (cos(y) - 1) / y^2.
-_SINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 3) for i in range(7, -1, -1))
-_COSINE = tuple((-1) ** (i + 1) / math.factorial(2 * i + 2) for i in range(8, -1, -1))
+_SINE_COEFFICIENTS = tuple((-1) ** (i + 1) / math.factorial(2 * i + 3) for i in range(7, -1, -1))
+_COSINE_COEFFICIENTS = tuple((-1) ** (i + 1) / math.factorial(2 * i + 2) for i in range(8, -1, -1))
 
 
 def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
@@ -66,25 +66,31 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
 
     The errors t are not multiplied by anything above 1, and the operation adds 2^-1000 for them.
     """
-    x = np.where(np.abs(x) <= _WIDEST_ANGLE, x, np.nan)
+    x = np.where(np.abs(x) <= _MAX_ANGLE, x, np.nan)
     n = np.rint(x * (2 / 3.141592653589793))
     y = ((x - n * _HALF_PI_A) - n * _HALF_PI_B) - n * _HALF_PI_C
-    y[~(np.abs(y) <= _WIDEST_REST)] = np.nan
-    turned = np.where(n == 0, 0.0, 2.5 * _U)
+    y[~(np.abs(y) <= _MAX_REDUCED_ANGLE)] = np.nan
+    reduction_error = np.where(n == 0, 0.0, 2.5 * _UNIT_ROUNDOFF)
     z = y * y
-    p = np.full_like(z, _SINE[0])
-    for c in _SINE[1:]:
+    p = np.full_like(z, _SINE_COEFFICIENTS[0])
+    for c in _SINE_COEFFICIENTS[1:]:
         p *= z
         p += c
     sine = y + y * (z * p)
-    p = np.full_like(z, _COSINE[0])
-    for c in _COSINE[1:]:
+    p = np.full_like(z, _COSINE_COEFFICIENTS[0])
+    for c in _COSINE_COEFFICIENTS[1:]:
         p *= z
         p += c
-    return n, sine, np.abs(y) * (2 * _U) + turned, 1 + z * p, turned + 2.5 * _U
+    return (
+        n,
+        sine,
+        np.abs(y) * (2 * _UNIT_ROUNDOFF) + reduction_error,
+        1 + z * p,
+        reduction_error + 2.5 * _UNIT_ROUNDOFF,
+    )
 
 
-def outward(value: Any) -> tuple[float, float]:
+def outward_rounded(value: Any) -> tuple[float, float]:
     """Convert a number or one of Arb's balls to a ball in doubles that holds it: return midpoint
     and radius.
 
@@ -97,24 +103,24 @@ def outward(value: Any) -> tuple[float, float]:
         small = arb(2) ** -1022
         centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
         rad = (
-            Fraction(_NORMAL)
+            Fraction(_SMALLEST_NORMAL)
             if value.rad() < small and not value.is_exact()
             else midpoint_and_radius(value.rad())[0]
         )
-        spread = rad if centre or value.mid() == 0 else rad + Fraction(_NORMAL)
+        spread = rad if centre or value.mid() == 0 else rad + Fraction(_SMALLEST_NORMAL)
     elif isinstance(value, float):
         return value, 0.0
     else:
         centre, spread = Fraction(value), Fraction(0)
     try:
         mid = float(centre)  # correctly rounded by Python; any float would do
-        return mid, _upward(abs(centre - Fraction(mid)) + spread)
+        return mid, _rounded_up(abs(centre - Fraction(mid)) + spread)
     except OverflowError:
         return 0.0, np.inf
 
 
-def _upward(value: Fraction) -> float:
-    if 0 < value < _NORMAL:
-        return _NORMAL
+def _rounded_up(value: Fraction) -> float:
+    if 0 < value < _SMALLEST_NORMAL:
+        return _SMALLEST_NORMAL
     nearest = float(value)
     return nearest if Fraction(nearest) >= value else float(np.nextafter(nearest, np.inf))

@@ -7,11 +7,11 @@ beta = pi/2, each with its speed. Let d = (d_gamma, d_v, d_Omega) be deviations 
 about zero. The orbits start at (gamma_bar(s), v(s)) + (d_gamma, d_v) and have the speed Omega(s) +
 d_Omega. After any time their states are in
 
-    middle(s) + lead(s) d + axes q,    q in the box ``rest``.
+    middle(s) + linear_part(s) d + axes q,    q in the box ``remainder``.
 
-This is the set of `frame`, with jets for the functions of s. Derivatives only multiply deviations,
-so they have a lower degree in s than the middle. *For each s separately* the steps are those of
-`step`, whose boxes hold the ranges for all s.
+This is the set of `doubleton`, with jets for the functions of s. Derivatives only multiply
+deviations, so they have a lower degree in s than the middle. *For each s separately* the steps are
+those of `step`, whose boxes hold the ranges for all s.
 
 The first return to beta = pi/2
 -------------------------------
@@ -64,8 +64,8 @@ characteristic polynomial at 1 and -1 are 1 - tau - delta = det(P' - 1) and 1 + 
 eigenvalues lie between -1 and 1 if and only if both values are positive; if one of these is
 negative, an eigenvalue lies outside.
 
-Where a ball becomes a point or a float: middle, lead, axes, tau, step lengths, m, Y and r are
-chosen. Any choice that passes the test is right.
+Where a ball becomes a point or a float: middle, linear part, axes, tau, step lengths, m, Y and r
+are chosen. Any choice that passes the test is right.
 """
 
 from __future__ import annotations
@@ -78,42 +78,42 @@ from typing import Any, ClassVar
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
-    cut_for_derivatives,
     inside,
     negative,
     positive,
     range_of,
     require,
+    truncated_for_derivatives,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import as_float
-from tippedisk_verify.proofs.kernel.field import FieldConstants
-from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.jets import Jet, symmetric
+from tippedisk_verify.proofs.kernel.certificate_format import nearby_double
+from tippedisk_verify.proofs.kernel.doubleton import Doubleton
+from tippedisk_verify.proofs.kernel.jets import Jet, symmetric_hull
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.step import Step, Trial
+from tippedisk_verify.proofs.kernel.small_matrices import (
+    Matrix,
+    inverse_of_order_2,
+    midpoint_inverse,
+)
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial
+from tippedisk_verify.proofs.kernel.vector_field import FieldConstants
 
 __all__ = [
-    "ORDERS",
-    "UNKNOWNS",
+    "SERIES_ORDERS",
+    "UNKNOWN_INDICES",
     "Arc",
     "Curve",
-    "CurveFlight",
     "CurvePath",
     "CurveReplay",
-    "Matrix",
-    "arc_test",
+    "HalfMapEnclosure",
     "beta_extremes",
-    "fly",
-    "inverse",
-    "midpoint_inverse",
+    "enclose_half_map",
+    "krawczyk_test_of_arc",
 ]
 
-UNKNOWNS = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
-ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
+UNKNOWN_INDICES = 1, 2  #: of (gamma_bar, v, Omega); the first one is the parameter
+SERIES_ORDERS = 20, 12  #: of the series of the states, and of those of derivatives
 _MIN_PART = 2.0**-7  # of a step in which an orbit turns
-
-Matrix = Sequence[Sequence[Any]]
 
 
 @dataclass(frozen=True)
@@ -128,11 +128,13 @@ class Curve:
     v: Jet  #: [rad/s]
     omega: Jet  #: [rad/s]
     deviation: Sequence[Any]  #: of the three numbers, balls about zero
-    total: Jet  #: the half map's approximate duration [s]; steps are shares of it
+    duration: Jet  #: the half map's approximate duration [s]; steps are shares of it
 
-    unit: ClassVar = ((1, 0, 0), (0, 1, 0))  #: d(`start`)/d(the three numbers)
-    columns: ClassVar[tuple[int, ...]] = (2,)  #: the indices of the numbers in the equations
-    equations: ClassVar[Any] = Model  #: called with the constants and `numbers`
+    start_derivative: ClassVar = ((1, 0, 0), (0, 1, 0))  #: d(`start`)/d(the three numbers)
+    parameter_columns: ClassVar[tuple[int, ...]] = (
+        2,
+    )  #: the indices of the numbers in the equations
+    model_class: ClassVar[Any] = Model  #: called with the constants and `equation_parameters`
 
     @property
     def start(self) -> tuple[Jet, Jet]:
@@ -140,10 +142,10 @@ class Curve:
         return self.gamma_bar, self.v
 
     @property
-    def numbers(self) -> tuple[Jet, ...]:
+    def equation_parameters(self) -> tuple[Jet, ...]:
         """The curve's numbers on which the equations of motion depend, each with its deviation.
 
-        They are in the order of `columns`. Here Omega is the only one.
+        They are in the order of `parameter_columns`. Here Omega is the only one.
         """
         return (self.omega + self.deviation[2],)
 
@@ -164,21 +166,21 @@ class Curve:
 
 
 @dataclass(frozen=True)
-class CurveFlight:
+class HalfMapEnclosure:
     """The proved properties of all orbits from a curve of starts over half a period, as jets in s.
 
     ``image`` is the image under S of the point (gamma_bar, v) to which the curve's own orbits
-    return after ``own_time``. The others hold for all orbits from the curve and the deviations
+    return after ``curve_time``. The others hold for all orbits from the curve and the deviations
     about it. Derivatives are taken with respect to the curve's three numbers.
     """
 
     image: Sequence[Jet]
-    own_time: Jet  #: of the curve's own orbits [s]
-    matrix: Matrix  #: (2, 3) jets: of the half map
-    time_by: Sequence[Jet]  #: (3,)
+    curve_time: Jet  #: of the curve's own orbits [s]
+    image_by_start: Matrix  #: (2, 3) jets: of the half map
+    time_by_start: Sequence[Jet]  #: (3,)
     divergence: Jet  #: integral of div f over the flight
     beta_least: Any  #: a ball whose lowest number is a lower bound of beta_bar [rad]
-    extreme_steps: Sequence[Step]  #: the steps that hold all moments with v = 0
+    turning_steps: Sequence[Step]  #: the steps that hold all moments with v = 0
 
 
 class CurveReplay:
@@ -190,37 +192,48 @@ class CurveReplay:
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
         self.log, self.number = log, 0
 
-    def step(self, path: CurvePath, longest: Any) -> Step:
+    def next_step(self, path: CurvePath, max_length: Any) -> Step:
         require(
             self.number < len(self.log), "the return is not reached: there are no further steps"
         )
         self.number += 1
-        share = as_float(self.log[self.number - 1]["share"])
-        return Trial(path, ORDERS).tested((path.total * share).mid())
+        share = nearby_double(self.log[self.number - 1]["share"])
+        return StepTrial(path, SERIES_ORDERS).tested_step((path.duration * share).mid())
 
-    def axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Matrix:
+    def new_axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
         require("axes" in log, "the axes after it are missing")
-        return [[arb(as_float(part)) for part in row] for row in log["axes"]]
+        return [[arb(nearby_double(part)) for part in row] for row in log["axes"]]
 
-    def step_taken(self, step: Step, axes: Matrix | None) -> None:
+    def record_step(self, step: Step, axes: Matrix | None) -> None:
         require(
             axes is not None or self.number == len(self.log),
             "the return is reached, and there are further steps",
         )
 
 
-class _Equations:
+class _CurveModel:
     """The equations of motion at the speeds of a curve of starts, for each s and over all s at
     once.
     """
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
-        self.orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
-        short = curve.equations(constants, *map(cut_for_derivatives, curve.numbers))
-        self.rates, self.with_divergence = short.rates, short.with_divergence
-        self.bound = curve.equations(constants, *map(range_of, curve.numbers))
-        self.bound.orbit = self.bound.orbit_at(self.bound.omega)
+        self.midpoint_system = curve.model_class(
+            constants, *curve.equation_parameters
+        ).system_at_speed(curve.omega)
+        short_model = curve.model_class(
+            constants, *map(truncated_for_derivatives, curve.equation_parameters)
+        )
+        self.rates, self.variational_system_with_divergence = (
+            short_model.rates,
+            short_model.variational_system_with_divergence,
+        )
+        self.remainder_model = curve.model_class(
+            constants, *map(range_of, curve.equation_parameters)
+        )
+        self.remainder_model.midpoint_system = self.remainder_model.system_at_speed(
+            self.remainder_model.omega
+        )
 
 
 class CurvePath(Path):
@@ -229,19 +242,22 @@ class CurvePath(Path):
     For each parameter s of the curve the steps have lengths of their own.
     """
 
-    def __init__(self, constants: FieldConstants, curve: Curve, choices: Any) -> None:
+    def __init__(self, constants: FieldConstants, curve: Curve, proposer: Any) -> None:
         zero = 0 * curve.v.mid()
-        nothing, short = zero.c[0], cut_for_derivatives(zero)
-        states = Frame([zero, *curve.start], curve.omega)
-        states.deviation, states.columns = [*curve.deviation], curve.columns
-        states.lead = [[short] * 3, *([short + entry for entry in row] for row in curve.unit)]
-        states.axes = [[nothing + int(i == j) for j in range(3)] for i in range(3)]
-        states.rest = states.own = [nothing] * 3
-        states.spread = [[nothing] * 3 for _ in range(3)]
-        super().__init__(_Equations(constants, curve), states, choices, derivatives=True)
-        self.total = curve.total
+        zero_ball, short_model = zero.coefficients[0], truncated_for_derivatives(zero)
+        states = Doubleton([zero, *curve.start], curve.omega)
+        states.deviation, states.parameter_columns = [*curve.deviation], curve.parameter_columns
+        states.linear_part = [
+            [short_model] * 3,
+            *([short_model + entry for entry in row] for row in curve.start_derivative),
+        ]
+        states.axes = [[zero_ball + int(i == j) for j in range(3)] for i in range(3)]
+        states.remainder = states.middle_remainder = [zero_ball] * 3
+        states.remainder_derivatives = [[zero_ball] * 3 for _ in range(3)]
+        super().__init__(_CurveModel(constants, curve), states, proposer, derivatives=True)
+        self.duration = curve.duration
 
-    def _exhaustion(self) -> None:
+    def _stopping_status(self) -> None:
         """Return None: this path never ends because its boxes are wide.
 
         Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
@@ -254,11 +270,11 @@ def beta_extremes(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
 
     The derivatives are those at a fixed time, with respect to the curve's three numbers.
     """
-    nothing = 0 * step.length.c[0]
+    zero_ball = 0 * step.length.coefficients[0]
     open_parts = [(0.0, 1.0)]
     while open_parts:
         begin, end = open_parts.pop()
-        time = step.length * (nothing + begin).union(nothing + end)
+        time = step.length * (zero_ball + begin).union(zero_ball + end)
         v = step.component(2, time).range()
         if negative(v) or positive(v):
             continue
@@ -269,43 +285,45 @@ def beta_extremes(step: Step) -> Iterator[tuple[Any, Sequence[Jet]]]:
             only = slice(1)
             yield (
                 step.component(0, time).range(),
-                step.frame.derivatives(step.rows_at(time, only))[0],
+                step.state_set.derivatives_after_map(step.step_derivatives_at(time, only))[0],
             )
 
 
-def fly(constants: FieldConstants, curve: Curve, choices: Any) -> CurveFlight:
+def enclose_half_map(constants: FieldConstants, curve: Curve, proposer: Any) -> HalfMapEnclosure:
     """Enclose the half map, from section to section, for all starts on a curve and in the box about
     it.
 
-    ``choices`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``total``.
+    ``proposer`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``duration``.
     Raises Unproved, with the number of the step that fails.
     """
-    path = CurvePath(constants, curve, choices)
+    path = CurvePath(constants, curve, proposer)
     require(negative(path.box[2].range()), "v is not shown to be negative at the start")
-    least, extreme_steps = 0 * curve.total.c[0], []
+    least, turning_steps = 0 * curve.duration.coefficients[0], []
     try:
         while True:
             step = path.step()
             assert step is not None
             beta_bar, _, v = step.enclosure
             require(inside(beta_bar, arb(0, BELOW_HALF_PI)), "beta is not shown to stay upright")
-            passed = positive(step.at_end()[0].range())
+            passed = positive(step.states_at_end()[0].range())
             require(
                 positive(v) if passed else negative(v) or negative(beta_bar),
                 "beta is not shown to move as it must",
             )
             least = least.union(beta_bar)
             if not (negative(v) or positive(v)):
-                extreme_steps.append(step)
+                turning_steps.append(step)
             if passed:
-                choices.step_taken(step, None)
-                return _landed(path, step, least, extreme_steps)
-            path.take(step)
+                proposer.record_step(step, None)
+                return _enclosed_return(path, step, least, turning_steps)
+            path.take_step(step)
     except Unproved as fault:
-        raise Unproved(f"step {path.steps + 1}: {fault}") from None
+        raise Unproved(f"step {path.step_count + 1}: {fault}") from None
 
 
-def _landed(path: CurvePath, step: Step, least: Any, extreme_steps: Sequence[Step]) -> CurveFlight:
+def _enclosed_return(
+    path: CurvePath, step: Step, least: Any, turning_steps: Sequence[Step]
+) -> HalfMapEnclosure:
     """Return the proved properties of a flight whose orbits return to the section in its last step.
 
     The return is enclosed within that step.
@@ -314,33 +332,37 @@ def _landed(path: CurvePath, step: Step, least: Any, extreme_steps: Sequence[Ste
         path: The flight up to the last step.
         step: The last step.
         least: A ball whose lowest number is a lower bound of beta_bar so far.
-        extreme_steps: The steps that hold all moments with v = 0.
+        turning_steps: The steps that hold all moments with v = 0.
     """
-    states, length = step.frame, step.length
-    tau = (path.total - path.time).mid()
-    centre, rows = step.centre(tau), step.rows_at(tau)
+    states, length = step.state_set, step.length
+    tau = (path.duration - path.time).mid()
+    centre, rows = step.midpoint_orbit_at(tau), step.step_derivatives_at(tau)
     beta = states.image(centre, rows)[0]
-    early = tau + symmetric(beta.range() / step.enclosure[2])
+    early = tau + symmetric_hull(beta.range() / step.enclosure[2])
     within = all(positive(part.range()) for part in (tau, length - tau, early, length - early))
     require(within, "the return is not shown to lie within the step")
     v = step.component(2, early)
     moment, own_moment = tau - beta / v, tau - states.image_of_middle(centre, rows)[0] / v
-    own = states.image_of_middle(step.centre(own_moment), step.rows_at(own_moment))
-    rows = step.rows_at(moment)
-    _, gamma_bar, v = map(cut_for_derivatives, states.image(step.centre(moment), rows))
+    own = states.image_of_middle(
+        step.midpoint_orbit_at(own_moment), step.step_derivatives_at(own_moment)
+    )
+    rows = step.step_derivatives_at(moment)
+    _, gamma_bar, v = map(
+        truncated_for_derivatives, states.image(step.midpoint_orbit_at(moment), rows)
+    )
     require(positive(v.range()), "v is not shown to be positive at the return")
     acceleration = path.model.rates((0 * v, gamma_bar, v))[2]
-    by_start = states.derivatives(rows)
+    by_start = states.derivatives_after_map(rows)
     time_by = [-entry / v for entry in by_start[0]]
     v_row = [-(entry + acceleration * t) for entry, t in zip(by_start[2], time_by, strict=True)]
-    return CurveFlight(
+    return HalfMapEnclosure(
         (-own[1], -own[2]),
         own_moment + path.time,
         ([-entry for entry in by_start[1]], v_row),
         time_by,
         path.divergence + step.divergence_at(moment),
         least,
-        extreme_steps,
+        turning_steps,
     )
 
 
@@ -353,21 +375,21 @@ class Arc:
 
     included: bool
     curve: Curve  #: m(s) and r
-    flight: CurveFlight
-    within: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
+    flight: HalfMapEnclosure
+    shift: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
     slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
     determinant: Jet  #: of d(equations)/d(unknowns)
 
     def period_slope(self) -> Jet:
         """Return an enclosure of dT/d(gamma_bar_0), with T the cycle's period, for each s."""
-        by = self.flight.time_by
+        by = self.flight.time_by_start
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
         """Return the trace of the half map's derivative with respect to (gamma_bar, v) at the arc's
         cycles, as a jet in s.
         """
-        return self.curve.trace(self.flight.matrix)
+        return self.curve.trace(self.flight.image_by_start)
 
     def stable(self) -> bool | None:
         """Return True if all limit cycles of the arc are proved asymptotically stable, False if all
@@ -375,14 +397,14 @@ class Arc:
 
         For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
-        trace, shrinking = self.trace().range(), self.flight.divergence.range().exp()
+        trace, contraction = self.trace().range(), self.flight.divergence.range().exp()
         below = (self.slopes[1] * self.determinant).range()
-        if positive(below) and positive(1 + trace - shrinking):
+        if positive(below) and positive(1 + trace - contraction):
             return True
         # delta > 0, so this is enough.
         return False if negative(1 - trace) or negative(1 + trace) else None
 
-    def falling(self) -> bool | None:
+    def speed_falls(self) -> bool | None:
         """Return True if the speed Omega is shown to fall all along the arc as the amplitude
         gamma_bar_0 grows.
 
@@ -393,24 +415,24 @@ class Arc:
             return True
         return False if positive(slope) else None
 
-    def slowing(self) -> bool:
+    def period_grows(self) -> bool:
         """Return True if the period is shown to grow with the amplitude gamma_bar_0 all along the
         arc.
         """
         return bool(positive(self.period_slope().range()))
 
-    def widening(self) -> bool:
+    def beta_max_grows(self) -> bool:
         """Return True if beta_max is shown to grow with the amplitude gamma_bar_0 all along the
         arc, except at the Hopf point.
         """
-        for beta_bar, row in chain.from_iterable(map(beta_extremes, self.flight.extreme_steps)):
+        for beta_bar, row in chain.from_iterable(map(beta_extremes, self.flight.turning_steps)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.amplitude_slope(beta_bar, slope).range()):
                 return False
-        return bool(self.flight.extreme_steps)
+        return bool(self.flight.turning_steps)
 
 
-def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
+def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any) -> Arc:
     """Test by Krawczyk's operator if one limit cycle lies in the box about each point of a curve.
 
     The curve consists of starts and speeds with a parameter s; all s are tested at once.
@@ -418,7 +440,7 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     Args:
         constants: Balls of the disk's constants.
         curve: The curve and its box; its first number, the parameter, has no deviation.
-        choices: The proposer of the flight's steps.
+        proposer: The proposer of the flight's steps.
 
     Returns:
         The test's result, which may be that the cycles are not included.
@@ -426,44 +448,30 @@ def arc_test(constants: FieldConstants, curve: Curve, choices: Any) -> Arc:
     Raises:
         Unproved: If the flight fails.
     """
-    flight = fly(constants, curve, choices)
-    radii = [curve.deviation[k] for k in UNKNOWNS]
+    flight = enclose_half_map(constants, curve, proposer)
+    radii = [curve.deviation[k] for k in UNKNOWN_INDICES]
     value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
     jacobian = [
         [entry - own for entry, own in zip(*rows, strict=True)]
-        for rows in zip(flight.matrix, curve.unit, strict=True)
+        for rows in zip(flight.image_by_start, curve.start_derivative, strict=True)
     ]
-    by_unknowns = [[row[k] for k in UNKNOWNS] for row in jacobian]
-    chosen = midpoint_inverse(by_unknowns)
-    degree = chosen[0][0].degree
-    value = [entry.cut(degree) for entry in value]
-    within, included = [], True
+    by_unknowns = [[row[k] for k in UNKNOWN_INDICES] for row in jacobian]
+    preconditioner = midpoint_inverse(by_unknowns)
+    degree = preconditioner[0][0].degree
+    value = [entry.truncated(degree) for entry in value]
+    shift, included = [], True
     for i in range(2):
-        image = -(chosen[i][0] * value[0] + chosen[i][1] * value[1]).range()
+        image = -(preconditioner[i][0] * value[0] + preconditioner[i][1] * value[1]).range()
         for j in range(2):
             rest = int(i == j) - (
-                chosen[i][0] * by_unknowns[0][j] + chosen[i][1] * by_unknowns[1][j]
+                preconditioner[i][0] * by_unknowns[0][j] + preconditioner[i][1] * by_unknowns[1][j]
             )
             image = image + rest.range() * radii[j]
-        within.append(image)
+        shift.append(image)
         included = included and bool(inside(image, radii[i]))
     (a, b), (c, d) = by_unknowns
-    slopes = [-(row[0] * jacobian[0][0] + row[1] * jacobian[1][0]) for row in inverse(by_unknowns)]
-    return Arc(included, curve, flight, within, slopes, a * d - b * c)
-
-
-def inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Return the inverse of a matrix (2, 2) of jets or balls, by Cramer's rule."""
-    (a, b), (c, d) = matrix
-    determinant = a * d - b * c
-    return [[d / determinant, -b / determinant], [-c / determinant, a / determinant]]
-
-
-def midpoint_inverse(matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    """Return the inverse of a matrix (2, 2) of jets or balls, computed from their midpoints, as
-    points.
-
-    It approximates the inverse and encloses nothing.
-    """
-    middle = inverse([[entry.mid() for entry in row] for row in matrix])
-    return [[entry.mid() for entry in row] for row in middle]
+    slopes = [
+        -(row[0] * jacobian[0][0] + row[1] * jacobian[1][0])
+        for row in inverse_of_order_2(by_unknowns)
+    ]
+    return Arc(included, curve, flight, shift, slopes, a * d - b * c)

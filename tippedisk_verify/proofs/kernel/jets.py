@@ -32,18 +32,18 @@ from flint import arb_poly
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball
 
-__all__ = ["ROUGH_DEGREE", "Jet", "JetSeries", "scaled_sine", "symmetric"]
+__all__ = ["DERIVATIVE_DEGREE", "Jet", "JetSeries", "scaled_sine", "symmetric_hull"]
 
 #: Of derivatives at most: 2 is too low at both ends of the family, and 4 tightens little
-ROUGH_DEGREE = 3
+DERIVATIVE_DEGREE = 3
 
-_BOTH = arb(0, 1)
-_TERMS = 10  # at z = 1/4 the rest is below 2^-80
+_PLUS_MINUS_ONE = arb(0, 1)
+_SERIES_TERMS = 10  # at z = 1/4 the rest is below 2^-80
 
 
-def symmetric(x: Any) -> Any:
+def symmetric_hull(x: Any) -> Any:
     """Return a ball about zero that holds the ball ``x`` and its mirror image."""
-    return x * _BOTH
+    return x * _PLUS_MINUS_ONE
 
 
 class Jet:
@@ -52,10 +52,10 @@ class Jet:
     Factors of a product have the same degree, or are balls or integers.
     """
 
-    __slots__ = ("c",)
+    __slots__ = ("coefficients",)
 
     def __init__(self, coefficients: Sequence[Any]) -> None:
-        self.c = tuple(coefficients)
+        self.coefficients = tuple(coefficients)
 
     @classmethod
     def constant(cls, value: Any, degree: int) -> Jet:
@@ -65,12 +65,14 @@ class Jet:
     @property
     def degree(self) -> int:
         """The degree D of the polynomial in s."""
-        return len(self.c) - 1
+        return len(self.coefficients) - 1
 
     def __add__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            return Jet([a + b for a, b in zip_longest(self.c, other.c, fillvalue=0)])
-        return Jet([self.c[0] + other, *self.c[1:]])
+            return Jet(
+                [a + b for a, b in zip_longest(self.coefficients, other.coefficients, fillvalue=0)]
+            )
+        return Jet([self.coefficients[0] + other, *self.coefficients[1:]])
 
     __radd__ = __add__
 
@@ -81,16 +83,18 @@ class Jet:
         return (-self).__add__(other)
 
     def __neg__(self) -> Jet:
-        return Jet([-x for x in self.c])
+        return Jet([-x for x in self.coefficients])
 
     def __mul__(self, other: Any) -> Jet:
         if isinstance(other, Jet):
-            if len(self.c) != len(other.c):
+            if len(self.coefficients) != len(other.coefficients):
                 raise ValueError(
                     f"jets of degree {self.degree} and {other.degree} do not go together"
                 )
-            return _multiplied(_polynomial(self) * _polynomial(other), len(self.c) - 1)
-        return Jet([x * other for x in self.c])
+            return _truncated_product(
+                _arb_polynomial(self) * _arb_polynomial(other), len(self.coefficients) - 1
+            )
+        return Jet([x * other for x in self.coefficients])
 
     __rmul__ = __mul__
 
@@ -101,21 +105,21 @@ class Jet:
         the terms of b c beyond s^D. The quotient is b - t / c, and t / c is s^D times a number.
         """
         if not isinstance(other, Jet):
-            return Jet([x / other for x in self.c])
-        c, top = other.c, len(self.c) - 1
+            return Jet([x / other for x in self.coefficients])
+        c, top = other.coefficients, len(self.coefficients) - 1
         b: list[Any] = []
-        for k, part in enumerate(self.c):
+        for k, part in enumerate(self.coefficients):
             b.append((part - sum(c[i] * b[k - i] for i in range(1, k + 1))) / c[0])
         if top:
             over = [
                 sum(c[i] * b[k - i] for i in range(k - top, top + 1))
                 for k in range(top + 1, 2 * top + 1)
             ]
-            b[top] = b[top] + symmetric(sum(map(symmetric, over)) / other.range())
+            b[top] = b[top] + symmetric_hull(sum(map(symmetric_hull, over)) / other.range())
         return Jet(b)
 
     def __rtruediv__(self, other: Any) -> Jet:
-        return Jet.constant(other + 0 * self.c[0], self.degree) / self
+        return Jet.constant(other + 0 * self.coefficients[0], self.degree) / self
 
     def sin(self) -> Jet:
         """Return the sine of the function as a jet; see `_shifted_sine`."""
@@ -134,10 +138,10 @@ class Jet:
         Let w be the sum of the |c_i|, i >= 1. Since |u| <= |s| w, the remainder is s^D times a
         number of size at most w^(D+1) / (D+1)! times that derivative.
         """
-        top, start = self.degree, self.c[0]
+        top, start = self.degree, self.coefficients[0]
         signed = [start.sin(), start.cos()]
         derivatives = [*signed, *(-x for x in signed)] * (top // 4 + 1)
-        shift = Jet([0 * start, *self.c[1:]])
+        shift = Jet([0 * start, *self.coefficients[1:]])
         result, power, factorial = Jet.constant(derivatives[quarters], top), shift, 1
         for n in range(1, top + 1):
             factorial *= n
@@ -147,16 +151,16 @@ class Jet:
             return result
         whole = self.range()
         last = [whole.sin(), whole.cos()][(top + 1 + quarters) % 2]
-        size = sum(map(symmetric, self.c[1:]))
+        size = sum(map(symmetric_hull, self.coefficients[1:]))
         for _ in range(top + 1):
             last = last * size
-        return result._wider(symmetric(last / (factorial * (top + 1))))
+        return result._with_remainder(symmetric_hull(last / (factorial * (top + 1))))
 
-    def _wider(self, extra: Any) -> Jet:
+    def _with_remainder(self, extra: Any) -> Jet:
         """Return the jet with a ball added to its highest coefficient."""
-        return Jet([*self.c[:-1], self.c[-1] + extra])
+        return Jet([*self.coefficients[:-1], self.coefficients[-1] + extra])
 
-    def cut(self, degree: int) -> Jet:
+    def truncated(self, degree: int) -> Jet:
         """Return a jet of at most this degree that still encloses the function.
 
         The sizes of the coefficients beyond the ``degree`` are added to the highest one that is
@@ -164,28 +168,33 @@ class Jet:
         """
         if degree >= self.degree:
             return self
-        return Jet(self.c[: degree + 1])._wider(sum(map(symmetric, self.c[degree + 1 :])))
+        return Jet(self.coefficients[: degree + 1])._with_remainder(
+            sum(map(symmetric_hull, self.coefficients[degree + 1 :]))
+        )
 
     def mid(self) -> Jet:
         """Return the jet whose coefficients are the midpoints of this jet's coefficients."""
-        return Jet([x.mid() for x in self.c])
+        return Jet([x.mid() for x in self.coefficients])
 
     def range(self) -> Any:
         """Return a ball that holds all values of the function for s in [-1, 1].
 
         Even powers of s are in [0, 1], odd ones in [-1, 1].
         """
-        return self.c[0] + sum(
-            x.union(0 * x) if k % 2 else symmetric(x) for k, x in enumerate(self.c[1:])
+        return self.coefficients[0] + sum(
+            x.union(0 * x) if k % 2 else symmetric_hull(x)
+            for k, x in enumerate(self.coefficients[1:])
         )
 
     def converted_like(self, value: Any) -> Jet:
         """Return the constant function ``value`` as a jet of this jet's degree."""
         return Jet.constant(ball(value), self.degree)
 
-    def cut_for_derivatives(self) -> Jet:
-        """Return the jet cut to `ROUGH_DEGREE`, the degree that suffices for derivatives."""
-        return self.cut(ROUGH_DEGREE)
+    def truncated_for_derivatives(self) -> Jet:
+        """Return the jet truncated to `DERIVATIVE_DEGREE`, the degree that suffices for
+        derivatives.
+        """
+        return self.truncated(DERIVATIVE_DEGREE)
 
     def series(self, old: object = None) -> JetSeries:
         """Return an empty power series in time, whose coefficients will be jets.
@@ -207,7 +216,7 @@ class JetSeries(Sequence[Jet]):
         """Append a jet as the next coefficient of the series."""
         assert jet is not None
         self.jets.append(jet)
-        self._polynomials.append(_polynomial(jet))
+        self._polynomials.append(_arb_polynomial(jet))
 
     def __len__(self) -> int:
         return len(self.jets)
@@ -223,21 +232,21 @@ class JetSeries(Sequence[Jet]):
         """
         if not len(self):
             return 0
-        return _multiplied(
+        return _truncated_product(
             sum(map(mul, self._polynomials, reversed(other._polynomials))), self.jets[0].degree
         )
 
 
-def _polynomial(jet: Jet) -> Any:
-    return arb_poly(list(jet.c))
+def _arb_polynomial(jet: Jet) -> Any:
+    return arb_poly(list(jet.coefficients))
 
 
-def _multiplied(product: Any, degree: int) -> Jet:
+def _truncated_product(product: Any, degree: int) -> Jet:
     """Turn ``product``, a polynomial in s of up to twice the ``degree``, into a jet of that degree.
 
     The sizes of the coefficients beyond the degree are added to its last one, on both sides.
     """
-    return Jet([product[k] for k in range(2 * degree + 1)]).cut(degree)
+    return Jet([product[k] for k in range(2 * degree + 1)]).truncated(degree)
 
 
 def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
@@ -260,28 +269,30 @@ def scaled_sine(x: Any, q: Any) -> tuple[Any, Any, Any]:
     """
     square = x * x
     z = q * square
-    sinc = _summed(z, lambda k: Fraction(1, factorial(2 * k + 1)))
-    cosine = _summed(z, lambda k: Fraction(1, factorial(2 * k)))
-    slope = _summed(z, lambda k: Fraction(1, (2 * k + 3) * factorial(2 * k + 1)))
+    sinc = _alternating_series(z, lambda k: Fraction(1, factorial(2 * k + 1)))
+    cosine = _alternating_series(z, lambda k: Fraction(1, factorial(2 * k)))
+    slope = _alternating_series(z, lambda k: Fraction(1, (2 * k + 3) * factorial(2 * k + 1)))
     return x * sinc, cosine, x * (square * slope) / -2
 
 
-def _summed(z: Any, size: Callable[[int], Fraction]) -> Any:
+def _alternating_series(z: Any, size: Callable[[int], Fraction]) -> Any:
     """Return a ball or jet that holds an alternating power series in z: the sum of (-z)^k size(k).
 
     The terms with k < n are summed. The remainder is bounded by size(n) z^n on both sides.
     """
     if not isinstance(z, Jet):
-        return _summed(Jet([z]), size).c[0]
-    one = 1 + 0 * z.c[0]
+        return _alternating_series(Jet([z]), size).coefficients[0]
+    one = 1 + 0 * z.coefficients[0]
     whole, power = z.range(), one
-    for _ in range(_TERMS):
+    for _ in range(_SERIES_TERMS):
         power = power * whole
-    total = Jet.constant(_multiple(one, (-1) ** (_TERMS - 1) * size(_TERMS - 1)), z.degree)
-    for k in range(_TERMS - 2, -1, -1):
-        total = total * z + _multiple(one, (-1) ** k * size(k))
-    return total + symmetric(_multiple(power, size(_TERMS)))
+    total = Jet.constant(
+        _times_fraction(one, (-1) ** (_SERIES_TERMS - 1) * size(_SERIES_TERMS - 1)), z.degree
+    )
+    for k in range(_SERIES_TERMS - 2, -1, -1):
+        total = total * z + _times_fraction(one, (-1) ** k * size(k))
+    return total + symmetric_hull(_times_fraction(power, size(_SERIES_TERMS)))
 
 
-def _multiple(x: Any, factor: Fraction) -> Any:
+def _times_fraction(x: Any, factor: Fraction) -> Any:
     return x * factor.numerator / factor.denominator

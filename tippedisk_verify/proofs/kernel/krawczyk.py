@@ -11,7 +11,7 @@ p) = F(m) + F_p (p - m_p) + F_u (u - m_u), with derivatives in the balls over th
 the box's interior, there is exactly one zero for each p, and all matrices F_u are regular (Krawczyk
 1969; Moore 1977; Rump 1983).
 
-**The choices in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
+**The evidence in a certificate.** A flight's log has an entry for each step taken. Its "steps" are
 the length and the orders tested. If the sliding velocity changes its sign in the step, those of the
 step after the change follow. Its "axes" are those of the set at the step's end. A test has the logs
 of two flights, the radii of its box, and Y.
@@ -25,27 +25,31 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, inside, require
-from tippedisk_verify.proofs.kernel.certificate_format import dyadic, order, radius
-from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn, return_map
+from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic, read_order, read_radius
+from tippedisk_verify.proofs.kernel.poincare_map import (
+    PoincareImage,
+    PoincareSection,
+    enclose_poincare_map,
+)
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, StepProposer
-from tippedisk_verify.proofs.kernel.sliding import law_model
-from tippedisk_verify.proofs.kernel.step import Step, Trial
+from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial
+from tippedisk_verify.proofs.kernel.vector_field import field_constants
 
 __all__ = [
-    "BOX",
-    "FLIGHT",
-    "FixedPoints",
+    "BOX_SHAPE",
+    "FLIGHT_SHAPE",
+    "KrawczykResult",
     "StepReplay",
-    "fixed_points",
+    "apply_krawczyk_operator",
     "krawczyk_test",
-    "product",
     "replayed_test",
 ]
 
 
 @dataclass(frozen=True)
-class FixedPoints:
+class KrawczykResult:
     """The result of Krawczyk's test: if a box contains a fixed point of a section's Poincare map.
 
     If ``included``, the box contains exactly one fixed point for each value of the third number.
@@ -55,16 +59,16 @@ class FixedPoints:
     middle: Sequence[Any]  #: m, three points
     shift: Sequence[Any]  #: from the middle to the fixed points, three balls
     residual: Sequence[Any]  #: Y F(m), for choosing the precision
-    slopes: Sequence[Sequence[Any]]  #: (2, 3): the derivatives of F over the box
-    centre: SectionReturn  #: the map at the middle
-    box: SectionReturn  #: the map over the box, with derivatives
+    jacobian: Sequence[Sequence[Any]]  #: (2, 3): the derivatives of F over the box
+    centre: PoincareImage  #: the map at the middle
+    box: PoincareImage  #: the map over the box, with derivatives
 
     @property
     def image(self) -> list[Any]:
         """Three balls that hold the fixed points: both coordinates on the section, and Omega."""
         return [middle + part for middle, part in zip(self.middle, self.shift, strict=True)]
 
-    def along(self, value: Any, by: Sequence[Any]) -> Any:
+    def mean_value_form(self, value: Any, by: Sequence[Any]) -> Any:
         """Enclose a function at the fixed points by the mean value theorem.
 
         ``value`` is the function at the middle of the box. ``by`` are its derivatives with respect
@@ -78,11 +82,11 @@ def krawczyk_test(
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     proposers: tuple[StepProposer, StepProposer],
     inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
-    centre: SectionReturn | None = None,
-) -> FixedPoints | SectionReturn:
+    centre: PoincareImage | None = None,
+) -> KrawczykResult | PoincareImage:
     """Test by Krawczyk's operator if a section's Poincare map has exactly one fixed point in a box.
 
     Args:
@@ -91,101 +95,107 @@ def krawczyk_test(
         middle: The centre of the box, three exact numbers: both coordinates on the section, and
             Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
-        unknown: The indices of the two unknown numbers.
+        unknown_indices: The indices of the two unknown numbers.
         proposers: For the flight from the middle, and for the flight over the box.
         inverse: Returns Y, four points, given F_u over the box.
         centre: The map at the middle, if it has already been computed.
 
     Returns:
-        The test's result, or a `SectionReturn` of the first flight that did not return.
+        The test's result, or a `PoincareImage` of the first flight that did not return.
     """
-    numbers, friction = constants(claim["parameters"]), claim["friction"]
+    numbers, friction = field_constants(claim["parameters"]), claim["friction"]
     if centre is None:
-        centre = return_map(
-            law_model(friction, numbers, middle[2]), section, middle[:2], proposers[0]
+        centre = enclose_poincare_map(
+            model_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
         )
     if centre.status is not FlowStatus.RETURNED:
         return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
-    box = return_map(
-        law_model(friction, numbers, whole[2]), section, whole[:2], proposers[1], derivatives=True
+    box = enclose_poincare_map(
+        model_for_friction(friction, numbers, whole[2]),
+        section,
+        whole[:2],
+        proposers[1],
+        derivatives=True,
     )
     if box.status is not FlowStatus.RETURNED:
         return box
-    slopes = _slopes(box)
-    return fixed_points(
+    jacobian = _jacobian(box)
+    return apply_krawczyk_operator(
         middle,
         deviations,
-        unknown,
-        inverse([[row[k] for k in unknown] for row in slopes]),
+        unknown_indices,
+        inverse([[row[k] for k in unknown_indices] for row in jacobian]),
         centre,
         box,
     )
 
 
-def fixed_points(
+def apply_krawczyk_operator(
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     inverse: Sequence[Sequence[Any]],
-    centre: SectionReturn,
-    box: SectionReturn,
-) -> FixedPoints:
+    centre: PoincareImage,
+    box: PoincareImage,
+) -> KrawczykResult:
     """Apply Krawczyk's operator to a section's map that has been enclosed already, and return the
     result of the test.
 
     Args:
         middle: Three points: the two coordinates on the section, and Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
-        unknown: The indices of the two unknown numbers.
+        unknown_indices: The indices of the two unknown numbers.
         inverse: The matrix Y, any regular one; best near the inverse of F'.
         centre: The map at the middle.
         box: The map over the box, with derivatives.
     """
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
-    slopes = _slopes(box)
-    (other,) = {0, 1, 2}.difference(unknown)
-    width = [deviations[k] for k in unknown]
+    jacobian = _jacobian(box)
+    (other,) = {0, 1, 2}.difference(unknown_indices)
+    width = [deviations[k] for k in unknown_indices]
     rest = [
         [
-            int(i == j) - sum(inverse[i][k] * slopes[k][column] for k in range(2))
-            for j, column in enumerate(unknown)
+            int(i == j) - sum(inverse[i][k] * jacobian[k][column] for k in range(2))
+            for j, column in enumerate(unknown_indices)
         ]
         for i in range(2)
     ]
-    residual = product(inverse, value)
+    residual = matrix_times_vector(inverse, value)
     # p's part is one ball that both equations share. Its factors are summed first, because their
     # sum may nearly vanish.
-    moved = product(inverse, [row[other] for row in slopes])
+    moved = matrix_times_vector(inverse, [row[other] for row in jacobian])
     shift = list(deviations)
-    for k, spread, part, factor in zip(unknown, product(rest, width), residual, moved, strict=True):
+    for k, spread, part, factor in zip(
+        unknown_indices, matrix_times_vector(rest, width), residual, moved, strict=True
+    ):
         shift[k] = spread - part - factor * deviations[other]
-    included = all(inside(shift[k], deviations[k]) for k in unknown)
-    return FixedPoints(included, middle, shift, residual, slopes, centre, box)
+    included = all(inside(shift[k], deviations[k]) for k in unknown_indices)
+    return KrawczykResult(included, middle, shift, residual, jacobian, centre, box)
 
 
-def _slopes(box: SectionReturn) -> tuple[Sequence[Any], Sequence[Any]]:
-    (a, b), (c, d) = box.matrix
-    return (a - 1, b, box.by_omega[0]), (c, d - 1, box.by_omega[1])
-
-
-def product(matrix: Sequence[Sequence[Any]], vector: Sequence[Any]) -> list[Any]:
-    return [row[0] * vector[0] + row[1] * vector[1] for row in matrix]
+def _jacobian(box: PoincareImage) -> tuple[Sequence[Any], Sequence[Any]]:
+    (a, b), (c, d) = box.image_by_start
+    return (a - 1, b, box.image_by_omega[0]), (c, d - 1, box.image_by_omega[1])
 
 
 def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
     """Return a step's length [s] and its two orders, read from a certificate."""
     if not isinstance(value, list) or len(value) != 3:
         raise ValueError("a length and two orders are needed")
-    point = dyadic(value[0])
+    point = read_dyadic(value[0])
     length = float(point)
     if not arb(length) == point:
         raise ValueError("a length has at most 53 bits")
-    return length, (order(value[1]), order(value[2]))
+    return length, (read_order(value[1]), read_order(value[2]))
 
 
-FLIGHT = [{"steps": [_read_step, None], "axes": [[dyadic, 3], 3]}, None]
-BOX = {"radii": [radius, 2], "inverse": [[dyadic, 2], 2], "flight": FLIGHT}  #: of a Krawczyk test
+FLIGHT_SHAPE = [{"steps": [_read_step, None], "axes": [[read_dyadic, 3], 3]}, None]
+BOX_SHAPE = {
+    "radii": [read_radius, 2],
+    "inverse": [[read_dyadic, 2], 2],
+    "flight": FLIGHT_SHAPE,
+}  #: of a Krawczyk test
 
 
 class StepReplay:
@@ -198,44 +208,45 @@ class StepReplay:
     def __init__(self, log: Sequence[Mapping[str, Any]], name: str) -> None:
         self.log, self.name = log, name
         self.number = 0
-        self._open = False  # True while the latest proposed step has not been taken
-        self._parts: Iterator[Any] = iter(())
+        self._is_pending = False  # True while the latest proposed step has not been taken
+        self._recorded_parts: Iterator[Any] = iter(())
 
-    def step(self, path: Path, longest: float | None) -> Step | None:
+    def next_step(self, path: Path, max_length: float | None) -> Step | None:
         require(
-            not self._open, f"{self._place()}: its signs are not shown, or it may touch gamma_y = 0"
+            not self._is_pending,
+            f"{self._step_name()}: its signs are not shown, or it may touch gamma_y = 0",
         )
         require(self.number < len(self.log), f"{self.name}: its steps end before the flight does")
-        self.number, self._open = self.number + 1, True
-        self._parts = iter(self.log[self.number - 1]["steps"])
-        return self.next_part(path)
+        self.number, self._is_pending = self.number + 1, True
+        self._recorded_parts = iter(self.log[self.number - 1]["steps"])
+        return self.next_recorded_step(path)
 
-    def next_part(self, path: Path) -> Step | None:
+    def next_recorded_step(self, path: Path) -> Step | None:
         """Return the next step that the log's current entry records, after testing it. Return None
         if the entry has no more steps.
         """
-        part = next(self._parts, None)
+        part = next(self._recorded_parts, None)
         if part is None:
             return None
         length, orders = part
-        step = Trial(path, orders).tested(length)
+        step = StepTrial(path, orders).tested_step(length)
         require(
             step.included,
-            f"{self._place()}: the states and derivatives over it are not shown to "
+            f"{self._step_name()}: the states and derivatives over it are not shown to "
             f"stay in its enclosure",
         )
         return step
 
-    def beyond(self) -> Any:
-        return SimpleNamespace(step=lambda path, longest: self.next_part(path))
+    def after_reversal(self) -> Any:
+        return SimpleNamespace(next_step=lambda path, max_length: self.next_recorded_step(path))
 
-    def axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Any:
+    def new_axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]
 
-    def step_taken(self, step: Step, axes: Any) -> None:
-        self._open = False
+    def record_step(self, step: Step, axes: Any) -> None:
+        self._is_pending = False
 
-    def _place(self) -> str:
+    def _step_name(self) -> str:
         return f"{self.name}, step {self.number}"
 
 
@@ -244,17 +255,18 @@ def replayed_test(
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     log: Sequence[Mapping[str, Any]],
     box: Mapping[str, Any],
     name: str,
-    centre: SectionReturn | None = None,
-) -> FixedPoints:
-    """Apply `krawczyk_test` with the choices that a certificate records, and return the passed
+    centre: PoincareImage | None = None,
+) -> KrawczykResult:
+    """Apply `krawczyk_test` with the evidence that a certificate records, and return the passed
     test.
 
-    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX`, and ``name``
-    begins the messages. Raises Unproved if the test fails, or if a part of the logs is not used.
+    ``log`` is the log of the flight from the middle, ``box`` has the shape `BOX_SHAPE`, and
+    ``name`` begins the messages. Raises Unproved if the test fails, or if a part of the logs is not
+    used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     outcome = krawczyk_test(
@@ -262,13 +274,15 @@ def replayed_test(
         section,
         middle,
         deviations,
-        unknown,
+        unknown_indices,
         flights,
         lambda matrix: box["inverse"],
         centre,
     )
-    if isinstance(outcome, SectionReturn):
-        raise Unproved(f"{name}: at t = {float(outcome.reached):.4g} s: {outcome.status.value}")
+    if isinstance(outcome, PoincareImage):
+        raise Unproved(
+            f"{name}: at t = {float(outcome.time_reached):.4g} s: {outcome.status.value}"
+        )
     for flight in flights if centre is None else flights[1:]:
         require(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
     require(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")

@@ -23,9 +23,9 @@ exactly once.
 Both maps
 ---------
 For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the
-friction law changes (`sliding.Crossing`) v must keep its sign and gamma_bar must stay below 2 pi.
-So neither the turn nor the section lies in it. If no case can be shown, a shorter step is tried. If
-that does not help, the proof ends with a status that names the reason.
+friction law changes (`sliding.SlidingReversalStep`) v must keep its sign and gamma_bar must stay
+below 2 pi. So neither the turn nor the section lies in it. If no case can be shown, a shorter step
+is tried. If that does not help, the proof ends with a status that names the reason.
 """
 
 from __future__ import annotations
@@ -37,21 +37,21 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, StepProposer
-from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment
+from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
+from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time
 
 __all__ = [
     "BELOW_HALF_PI",
     "LIBRATING_SECTION",
     "ROTATING_SECTION",
+    "PoincareImage",
     "PoincareSection",
-    "SectionReturn",
-    "return_map",
+    "enclose_poincare_map",
 ]
 
 #: rad; as a radius, rounded up to 30 bits, still below 1.5707 and pi/2: sin(beta) > 0 within
 BELOW_HALF_PI = 1.5706999
-_MAX_CUTS = 40
+_MAX_SHORTENINGS = 40
 
 
 class PoincareSection(NamedTuple):
@@ -59,27 +59,27 @@ class PoincareSection(NamedTuple):
     symmetry that is applied after the flight.
     """
 
-    zero: int  #: index of the component that is zero on the section
-    first: int  #: index of the first coordinate on it; the second is v
+    zero_component: int  #: index of the component that is zero on the section
+    first_coordinate: int  #: index of the first coordinate on it; the second is v
     flights_per_period: int  #: flights in a period: two for the half map, with S between them
 
     @property
-    def sign(self) -> int:
+    def symmetry_sign(self) -> int:
         """The sign of the symmetry after the flight: -1 for the half map, 1 for the turn map."""
         return -1 if self.flights_per_period == 2 else 1
 
-    def level(self) -> Any:
+    def end_level(self) -> Any:
         """Return the value at which a flight ends of the component that is zero at its start: 0 or
         2 pi.
         """
         return arb(0) if self.flights_per_period == 2 else 2 * arb.pi()
 
-    def start(self, first: Any, v: Any) -> list[Any]:
+    def state_on(self, first: Any, v: Any) -> list[Any]:
         """Return the state (beta_bar, gamma_bar, v) of the point on the section with these two
         coordinates.
         """
         state = [converted_like(v, 0), converted_like(v, 0), v]
-        state[self.first] = first
+        state[self.first_coordinate] = first
         return state
 
 
@@ -87,7 +87,7 @@ LIBRATING_SECTION, ROTATING_SECTION = PoincareSection(0, 1, 2), PoincareSection(
 
 
 @dataclass(frozen=True)
-class SectionReturn:
+class PoincareImage:
     """The result of following all orbits from a box on a section until they return to the section.
 
     The other members have a meaning only if the status is RETURNED. The coordinates x are
@@ -95,29 +95,29 @@ class SectionReturn:
     """
 
     status: FlowStatus
-    reached: Any  #: how far the path was followed [s]
+    time_reached: Any  #: how far the path was followed [s]
     steps: Any
     reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
     time: Any = None  #: flight time [s]
     image: Any = None  #: x under the map
     beta_least: Any = None  #: half map only: the least beta_bar, at the turn [rad]
     beta_least_by_start: Any = None  #: its derivatives with respect to (x, Omega)
-    matrix: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
-    by_omega: Any = None
-    time_by_state: Any = None
+    image_by_start: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
+    image_by_omega: Any = None
+    time_by_start: Any = None
     time_by_omega: Any = None
     divergence: Any = None  #: integral of div f over the flight
 
 
-def return_map(
+def enclose_poincare_map(
     model: Model,
     section: PoincareSection,
     box: Sequence[Any],
     proposer: StepProposer,
     *,
     derivatives: bool = False,
-    longest: float = 60.0,
-) -> SectionReturn:
+    max_duration: float = 60.0,
+) -> PoincareImage:
     """Enclose the Poincare map of a section, for all starts in a box of the section's two
     coordinates.
 
@@ -127,7 +127,7 @@ def return_map(
         box: Balls of its two coordinates.
         proposer: The source of the steps.
         derivatives: Also enclose the map's derivatives.
-        longest: The flight's longest duration [s].
+        max_duration: The flight's longest duration [s].
 
     Returns:
         The proved properties, or the status that names why there is no proof.
@@ -135,11 +135,11 @@ def return_map(
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
     if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
-        return SectionReturn(FlowStatus.NO_START, path.time, 0)
-    while path.time < longest:
+        return PoincareImage(FlowStatus.NO_START, path.time, 0)
+    while path.time < max_duration:
         if (ended := poincare_map.advance()) is not None:
             return ended
-    return SectionReturn(FlowStatus.NO_RETURN, path.time, path.steps)
+    return PoincareImage(FlowStatus.NO_RETURN, path.time, path.step_count)
 
 
 class SectionCase(Enum):
@@ -149,8 +149,8 @@ class SectionCase(Enum):
     The module's docstring has the conditions.
     """
 
-    ON = "they fall, or after the turn rise, and do not reach the section"
-    EXTREME = "they turn"
+    ON_THE_WAY = "they fall, or after the turn rise, and do not reach the section"
+    TURNS = "they turn"
     CROSSES = "they cross the section"
 
 
@@ -167,145 +167,148 @@ class PoincareMap:
         derivatives: bool = False,
     ) -> None:
         self.section = section
-        self.path = model.path(section.start(*box), proposer, derivatives=derivatives)
-        self.passed_extreme = False
+        self.path = model.path(section.state_on(*box), proposer, derivatives=derivatives)
+        self.has_turned = False
         #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
-        self.extreme: tuple[Any, Any] = (None, None)
+        self.turn: tuple[Any, Any] = (None, None)
 
-    def advance(self) -> SectionReturn | None:
+    def advance(self) -> PoincareImage | None:
         """Take one proved step of the flight, shortened until its case is shown.
 
         Returns None while the flight goes on. At its end, returns the proved properties of the
         orbits at the section, or the status that names why no step is proved.
         """
-        path, status, upright, longest = self.path, FlowStatus.UNRESOLVED, True, None
-        for _ in range(_MAX_CUTS):
-            step = path.step(longest)
+        path, status, not_flat, max_length = self.path, FlowStatus.UNRESOLVED, True, None
+        for _ in range(_MAX_SHORTENINGS):
+            step = path.step(max_length)
             if step is None:
                 status = path.status or FlowStatus.NO_ENCLOSURE
                 break
-            upright, case = self._case(step)
-            if upright and case is SectionCase.CROSSES:
-                if (moment := self._crossing(step)) is not None:
-                    path.take(step, moment)
-                    return self._landed()
-            elif upright and (
-                case is SectionCase.ON
-                or (case is SectionCase.EXTREME and self._enclose_extreme(step))
+            not_flat, case = self._proved_case(step)
+            if not_flat and case is SectionCase.CROSSES:
+                if (moment := self._section_crossing_time(step)) is not None:
+                    path.take_step(step, moment)
+                    return self._enclosed_return()
+            elif not_flat and (
+                case is SectionCase.ON_THE_WAY
+                or (case is SectionCase.TURNS and self._enclose_turn(step))
             ):
-                path.take(step)
+                path.take_step(step)
                 return None
-            longest = 0.7 * step.length
-        return SectionReturn(status if upright else FlowStatus.FLAT, path.time, path.steps)
+            max_length = 0.7 * step.length
+        return PoincareImage(status if not_flat else FlowStatus.FLAT, path.time, path.step_count)
 
-    def _case(self, step: Step) -> tuple[bool, SectionCase | None]:
+    def _proved_case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown
         for the step: on its way, turning or crossing the section.
 
         The case is None if none is shown.
         """
         rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
-        beta_end, gamma_end, v_end = step.at_end()
-        one_law = not isinstance(step, Crossing)
-        upright = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
+        beta_end, gamma_end, v_end = step.states_at_end()
+        has_one_law = not isinstance(step, SlidingReversalStep)
+        not_flat = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
         if self.section == ROTATING_SECTION:
-            ahead, upright = gamma_end - ROTATING_SECTION.level(), upright and positive(beta)
+            ahead, not_flat = gamma_end - ROTATING_SECTION.end_level(), not_flat and positive(beta)
             if negative(ahead):
-                return upright, SectionCase.ON
-            crosses = positive(ahead) and positive(rates[1]) and one_law
-            return upright, SectionCase.CROSSES if crosses else None
-        start, gains = self.path.box[2], positive(rates[2]) and one_law
-        if not self.passed_extreme:
-            if negative(v) or (gains and negative(v_end)):
-                return upright, SectionCase.ON
-            turns = gains and negative(start) and positive(v_end) and negative(beta_end)
-            return upright, SectionCase.EXTREME if turns else None
-        if not (positive(v) or (gains and positive(start) and positive(v_end))):
-            return upright, None
+                return not_flat, SectionCase.ON_THE_WAY
+            crosses = positive(ahead) and positive(rates[1]) and has_one_law
+            return not_flat, SectionCase.CROSSES if crosses else None
+        start, v_grows = self.path.box[2], positive(rates[2]) and has_one_law
+        if not self.has_turned:
+            if negative(v) or (v_grows and negative(v_end)):
+                return not_flat, SectionCase.ON_THE_WAY
+            turns = v_grows and negative(start) and positive(v_end) and negative(beta_end)
+            return not_flat, SectionCase.TURNS if turns else None
+        if not (positive(v) or (v_grows and positive(start) and positive(v_end))):
+            return not_flat, None
         if negative(beta_end):
-            return upright, SectionCase.ON
-        return upright, SectionCase.CROSSES if positive(beta_end) and one_law else None
+            return not_flat, SectionCase.ON_THE_WAY
+        return not_flat, SectionCase.CROSSES if positive(beta_end) and has_one_law else None
 
-    def _enclose_extreme(self, step: Step) -> bool:
+    def _enclose_turn(self, step: Step) -> bool:
         """Enclose the moment in the step at which v is 0, and store the beta_bar of that moment.
 
         Returns False if the moment cannot be enclosed.
         """
         model = self.path.model
-        moment = enclosed_moment(
+        moment = enclosed_zero_time(
             step,
-            step.span(),
+            step.time_span(),
             lambda time: step.component(2, time),
             model.rates(step.enclosure)[2],
-            lambda time: model.rates(step.at(time))[2],
+            lambda time: model.rates(step.states_at(time))[2],
         )
         if moment is None:
             return False
         # At the turn beta' = 0: moving the moment does not change beta to first order.
-        self.extreme = (
+        self.turn = (
             step.component(0, moment),
-            step.derivatives_at(moment)[0][1:] if self.path.sharp else None,
+            step.path_derivatives_at(moment)[0][1:] if self.path.carries_derivatives else None,
         )
-        self.passed_extreme = True
+        self.has_turned = True
         return True
 
-    def _crossing(self, step: Step) -> Any:
+    def _section_crossing_time(self, step: Step) -> Any:
         """Return a ball of times at which the orbits cross the section in the step.
 
         Returns None if they cannot be enclosed.
         """
-        model, zero, level = self.path.model, self.section.zero, self.section.level()
+        model, zero, level = self.path.model, self.section.zero_component, self.section.end_level()
         if self.section == ROTATING_SECTION:
             speed = model.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]
             # v grows from its value at the start to that at the end.
-            speed = v if positive(v) else self.path.box[2].union(step.at_end()[2])
-        return enclosed_moment(
+            speed = v if positive(v) else self.path.box[2].union(step.states_at_end()[2])
+        return enclosed_zero_time(
             step,
-            step.span(),
+            step.time_span(),
             lambda time: step.component(zero, time) - level,
             speed,
-            lambda time: model.rates(step.at(time))[zero],
+            lambda time: model.rates(step.states_at(time))[zero],
         )
 
-    def _landed(self) -> SectionReturn:
+    def _enclosed_return(self) -> PoincareImage:
         """Return the proved properties of all orbits at the section, once the path has been taken
         there.
         """
         path, section = self.path, self.section
-        first, sign = section.first, section.sign
+        first, sign = section.first_coordinate, section.symmetry_sign
         derivatives: dict[str, Any] = {}
-        if path.sharp:
+        if path.carries_derivatives:
             state = list(path.box)
             if sign < 0:  # that is where the section lies
-                state[section.zero] = converted_like(state[2], 0)
+                state[section.zero_component] = converted_like(state[2], 0)
             rates, columns = path.model.rates(state), (first, 2, 3)
             # On the section the time changes with the start, dt = -d(component) / its rate, and the
             # other components change with it.
-            times = [-path.matrix[section.zero][k] / rates[section.zero] for k in columns]
+            times = [
+                -path.derivatives[section.zero_component][k] / rates[section.zero_component]
+                for k in columns
+            ]
             rows = [
                 [
-                    sign * (path.matrix[row][k] + rates[row] * time)
+                    sign * (path.derivatives[row][k] + rates[row] * time)
                     for k, time in zip(columns, times, strict=True)
                 ]
                 for row in (first, 2)
             ]
             derivatives = {
-                "matrix": tuple(tuple(row[:2]) for row in rows),
-                "by_omega": tuple(row[2] for row in rows),
-                "time_by_state": tuple(times[:2]),
+                "image_by_start": tuple(tuple(row[:2]) for row in rows),
+                "image_by_omega": tuple(row[2] for row in rows),
+                "time_by_start": tuple(times[:2]),
                 "time_by_omega": times[2],
                 "divergence": path.divergence,
             }
-        return SectionReturn(
+        return PoincareImage(
             FlowStatus.RETURNED,
             path.time,
-            path.steps,
+            path.step_count,
             path.reversals,
             time=path.time,
             image=tuple(sign * path.box[row] for row in (first, 2)),
-            beta_least=self.extreme[0],
-            beta_least_by_start=self.extreme[1],
+            beta_least=self.turn[0],
+            beta_least_by_start=self.turn[1],
             **derivatives,
         )

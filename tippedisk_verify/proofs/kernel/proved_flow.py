@@ -2,7 +2,7 @@
 
 All states are in shifted angles, (beta - pi/2, gamma - pi/2, v). The section is beta_bar = 0, the
 symmetry S is x -> -x, and the equilibria are (0, 0, 0), (0, -pi, 0) and (0, pi, 0). The friction
-law is linear; `sliding` has the smooth one. `step` proves one step, and `frame` has the sets of
+law is linear; `sliding` has the smooth one. `step` proves one step, and `doubleton` has the sets of
 states.
 
 **Who chooses.** The lengths and orders of steps and the axes of sets come from a `StepProposer`. It
@@ -21,17 +21,22 @@ from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     ball,
     converted_like,
-    cut_for_derivatives,
+    magnitude_estimate,
     range_of,
     require,
-    upper,
+    truncated_for_derivatives,
 )
-from tippedisk_verify.proofs.kernel.field import Law, field
-from tippedisk_verify.proofs.kernel.frame import Frame
-from tippedisk_verify.proofs.kernel.step import Step, magnitude
-from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, Node, System, with_derivatives
+from tippedisk_verify.proofs.kernel.doubleton import Doubleton
+from tippedisk_verify.proofs.kernel.step import Step, log2_magnitude
+from tippedisk_verify.proofs.kernel.taylor_recurrences import (
+    Graph,
+    Node,
+    System,
+    systems_with_derivatives,
+)
+from tippedisk_verify.proofs.kernel.vector_field import VectorFieldMaker, vector_field
 
-__all__ = ["FlowStatus", "Model", "Path", "StepProposer", "short_float"]
+__all__ = ["FlowStatus", "Model", "Path", "StepProposer", "rounded_down_to_20_bits"]
 
 _MAX_RADIUS_BITS = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
 _MIN_STEP = 2.0**-40  # s
@@ -65,23 +70,23 @@ class StepProposer(Protocol):
     It is a search or a reader of a certificate. Any choice is safe, because each step is tested.
     """
 
-    def step(self, path: Path, longest: Any) -> Step | None:
-        """Return the next step of the path, of at most ``longest`` seconds, or None to give up.
+    def next_step(self, path: Path, max_length: Any) -> Step | None:
+        """Return the next step of the path, of at most ``max_length`` seconds, or None to give up.
 
-        The step is made by a `Trial` of the path. The flight asks again, for a shorter step, if it
-        cannot use this one.
+        The step is made by a `StepTrial` of the path. The flight asks again, for a shorter step, if
+        it cannot use this one.
         """
 
-    def beyond(self) -> StepProposer:
+    def after_reversal(self) -> StepProposer:
         """Return the proposer of the part of a step after the sliding velocity has changed its
         sign.
         """
 
-    def axes(
+    def new_axes(
         self, moved_axes: Sequence[Sequence[Any]], sizes: Sequence[Any], stiffness: Any
     ) -> Sequence[Sequence[Any]]:
         """Return new axes for the box of a set of states: the columns of a regular matrix of points
-        (`frame.Frame.carried`).
+        (`doubleton.Doubleton.image_set`).
 
         Args:
             moved_axes: The old axes as the flow has moved them, a matrix of balls.
@@ -89,7 +94,7 @@ class StepProposer(Protocol):
             stiffness: The factor [1/s] that weighs velocities against angles.
         """
 
-    def step_taken(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
+    def record_step(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
         """Record that the path has taken the step, with these axes at its end."""
 
 
@@ -101,36 +106,44 @@ class Model:
     flights.
 
     Args:
-        constants: As from `field.constants` or `balls.ball_constants`, or arrays of balls.
+        constants: As from `vector_field.field_constants` or `balls.ball_constants`, or arrays of
+            balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
-        law: The equations, if they are not those of the linear law.
-        further: Further numbers on which the ``law`` depends; it takes them after the speed.
+        make_vector_field: The equations, if they are not those of the linear law.
+        extra_parameters: Further numbers that ``make_vector_field`` takes after the speed.
     """
 
     def __init__(
-        self, constants: Any, omega: Any, law: Law | None = None, further: Sequence[Any] = ()
+        self,
+        constants: Any,
+        omega: Any,
+        make_vector_field: VectorFieldMaker | None = None,
+        extra_parameters: Sequence[Any] = (),
     ) -> None:
-        self.constants, self.further = constants, further
+        self.constants, self.extra_parameters = constants, extra_parameters
         self.omega: Any = ball(omega)
-        self.law: Law = law or field
+        self.make_vector_field: VectorFieldMaker = make_vector_field or vector_field
         # The speed's radius goes with the box, in mean-value form.
-        self.orbit = self.orbit_at(self.omega.mid())
+        self.midpoint_system = self.system_at_speed(self.omega.mid())
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
-        numbers = [graph.number(part, active=True) for part in (self.omega, *further)]
+        numbers = [graph.number(part, active=True) for part in (self.omega, *extra_parameters)]
         rates = self._rates(graph, variables, numbers)
-        self.bound: Any = self  #: the equations that enclose remainders
-        #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega
-        #: and the further numbers (3 each); ``with_divergence`` adds the divergence's integral
-        self.variational, self.with_divergence = with_derivatives(graph, variables, numbers, rates)
+        self.remainder_model: Any = self  #: the equations that enclose remainders
+        #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega and
+        #: the further numbers (3 each); ``variational_system_with_divergence`` adds the
+        #: divergence's integral
+        self.variational_system, self.variational_system_with_divergence = systems_with_derivatives(
+            graph, variables, numbers, rates
+        )
 
-    def orbit_at(self, omega: Any) -> System:
+    def system_at_speed(self, omega: Any) -> System:
         """Return the equations of motion (a `System`) of the states alone, without derivatives, at
         another speed.
         """
         graph = Graph()
         variables = [graph.variable() for _ in range(3)]
-        numbers = [graph.number(part) for part in (omega, *self.further)]
+        numbers = [graph.number(part) for part in (omega, *self.extra_parameters)]
         return System(graph, variables, self._rates(graph, variables, numbers))
 
     def path(
@@ -148,14 +161,17 @@ class Model:
     ) -> tuple[Node, ...]:
         constants = type(self.constants)(*map(graph.number, self.constants))
         return tuple(
-            graph.number(rate) for rate in self.law(graph, constants, *numbers)(*variables)
+            graph.number(rate)
+            for rate in self.make_vector_field(graph, constants, *numbers)(*variables)
         )
 
     def rates(self, state: Sequence[Any]) -> tuple[Any, Any, Any]:
         """Return the rates of motion (beta', gamma', v') [rad/s, rad/s, rad/s^2] at a state of
         balls.
         """
-        return self.law(BallOps, self.constants, self.omega, *self.further)(*state)
+        return self.make_vector_field(BallOps, self.constants, self.omega, *self.extra_parameters)(
+            *state
+        )
 
 
 class Path:
@@ -168,47 +184,53 @@ class Path:
     """
 
     def __init__(
-        self, model: Any, start: Sequence[Any] | Frame, proposer: Any, *, derivatives: bool = False
+        self,
+        model: Any,
+        start: Sequence[Any] | Doubleton,
+        proposer: Any,
+        *,
+        derivatives: bool = False,
     ) -> None:
-        self.model, self.proposer, self.sharp = model, proposer, derivatives
-        self.frame = (
+        self.model, self.proposer, self.carries_derivatives = model, proposer, derivatives
+        self.state_set = (
             start
-            if isinstance(start, Frame)
-            else Frame([ball(part) for part in start], model.omega)
+            if isinstance(start, Doubleton)
+            else Doubleton([ball(part) for part in start], model.omega)
         )
-        if len(self.frame.middle) != 3:
+        if len(self.state_set.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
         #: The start of the midpoint's orbit, if it is known separately
-        self.middle: Sequence[Any] | None = None
-        self.box = self.frame.box()
+        self.midpoint_start: Sequence[Any] | None = None
+        self.box = self.state_set.box()
         self.time, self.divergence = (
-            converted_like(part, 0) for part in (self.box[0], cut_for_derivatives(self.box[0]))
+            converted_like(part, 0)
+            for part in (self.box[0], truncated_for_derivatives(self.box[0]))
         )
-        self.steps = 0  #: taken
+        self.step_count = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
-        self.tested: Step | None = None  #: by its latest trial
+        self.latest_tested_step: Step | None = None  #: by its latest trial
         self.status: FlowStatus | None = None  #: why it stopped, if it did
 
     @property
-    def matrix(self) -> tuple[tuple[Any, ...], ...]:
+    def derivatives(self) -> tuple[tuple[Any, ...], ...]:
         """The derivatives (3, 4) of the path's current states with respect to their start and
         Omega.
         """
-        return self.frame.matrix()
+        return self.state_set.derivative_matrix()
 
-    def step(self, longest: Any = None) -> Step | None:
-        """Ask the proposer for the next step of the path, of at most ``longest`` seconds, and
+    def step(self, max_length: Any = None) -> Step | None:
+        """Ask the proposer for the next step of the path, of at most ``max_length`` seconds, and
         return it without taking it.
 
         If no step is proved, sets ``status`` and returns None.
         """
-        self.status = self._exhaustion()
-        step = None if self.status else self.proposer.step(self, longest)
+        self.status = self._stopping_status()
+        step = None if self.status else self.proposer.next_step(self, max_length)
         if step is None:
             self.status = self.status or FlowStatus.NO_ENCLOSURE
             return None
-        own = self.tested
-        if own is None or own.frame is not self.frame or own.length is not step.length:
+        own = self.latest_tested_step
+        if own is None or own.state_set is not self.state_set or own.length is not step.length:
             raise ValueError("the proposed step is not the latest trial of this path")
         require(
             own.included,
@@ -216,43 +238,49 @@ class Path:
         )
         return own
 
-    def _exhaustion(self) -> FlowStatus | None:
+    def _stopping_status(self) -> FlowStatus | None:
         if not all(part.is_finite() for part in self.box):
             return FlowStatus.NO_ENCLOSURE
-        if max(magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
+        if max(log2_magnitude(part.rad()) for part in self.box) > -_MAX_RADIUS_BITS:
             return FlowStatus.TOO_WIDE
-        return FlowStatus.STEP_LIMIT if self.steps >= _MAX_STEPS else None
+        return FlowStatus.STEP_LIMIT if self.step_count >= _MAX_STEPS else None
 
-    def carried(self, step: Step, time: Any = None) -> Frame:
-        """Return the set of the states (a `Frame`) after ``time`` [s] in the step, or at the step's
-        end if the time is left out.
+    def states_after(self, step: Step, time: Any = None) -> Doubleton:
+        """Return the set of the states (a `Doubleton`) after ``time`` [s] in the step, or at the
+        step's end if the time is left out.
         """
-        stiffness = 1 + upper(
-            range_of(step.derivatives[8][1])
+        stiffness = 1 + magnitude_estimate(
+            range_of(step.derivative_polynomials[8][1])
         )  # of d(v)/d(v): its rate at the start
-        centre, rows = step.end if time is None else (step.centre(time), step.rows_at(time))
-        return step.frame.carried(
-            centre, rows, lambda moved_axes, sizes: self.proposer.axes(moved_axes, sizes, stiffness)
+        centre, rows = (
+            step.midpoint_end
+            if time is None
+            else (step.midpoint_orbit_at(time), step.step_derivatives_at(time))
+        )
+        return step.state_set.image_set(
+            centre,
+            rows,
+            lambda moved_axes, sizes: self.proposer.new_axes(moved_axes, sizes, stiffness),
         )
 
-    def take(self, step: Step, time: Any = None) -> None:
+    def take_step(self, step: Step, time: Any = None) -> None:
         """Move the path forward to the end of a step, or to ``time`` (a number or ball) within the
         step.
         """
         moment = converted_like(self.time, step.length) if time is None else time
-        frame = self.carried(step, time)
-        self.proposer.step_taken(step, [[*row] for row in frame.axes])
-        if self.sharp:
+        state_set = self.states_after(step, time)
+        self.proposer.record_step(step, [[*row] for row in state_set.axes])
+        if self.carries_derivatives:
             self.divergence = self.divergence + step.divergence_at(moment)
-        self.frame, self.box, self.time, self.steps = (
-            frame,
-            frame.box(),
+        self.state_set, self.box, self.time, self.step_count = (
+            state_set,
+            state_set.box(),
             self.time + moment,
-            self.steps + 1,
+            self.step_count + 1,
         )
 
 
-def short_float(length: float) -> float:
+def rounded_down_to_20_bits(length: float) -> float:
     """Round a step length down to 20 bits, so that sums of lengths are exact."""
     mantissa, exponent = math.frexp(length)
     return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

@@ -7,11 +7,11 @@ In the angles beta_bar, gamma_bar from inverted spinning the field is odd. Write
 with y = (b, g, w), and let q = a^2. Then the rates of y are analytic functions of y, Omega and q.
 At q = 0 they are those of the linearisation.
 
-The equations are those of `field`: a `_ScaledNumber` stands for a number a x (odd) or x (even). The
-sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is even. A
-product of two odd numbers is even, with a factor q. A sum of an odd and an even number is refused,
-and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a takes
-place.
+The equations are those of `vector_field`: a `_ScaledNumber` stands for a number a x (odd) or x
+(even). The sine of an odd number is odd, with sin(a x) / a (`jets.scaled_sine`), and its cosine is
+even. A product of two odd numbers is even, with a factor q. A sum of an odd and an even number is
+refused, and so is a quotient by an odd one. So the rates are seen to be odd, and no division by a
+takes place.
 
 The equations of the family
 ---------------------------
@@ -51,11 +51,12 @@ from dataclasses import dataclass
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import positive, require
-from tippedisk_verify.proofs.kernel.field import FieldConstants, field
-from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve, Matrix
+from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
 from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Node
+from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, vector_field
 
 __all__ = ["ScaledCurve", "ScaledModel"]
 
@@ -64,87 +65,91 @@ class _ScaledNumber:
     """A number in the equations of motion scaled by the amplitude a: it stands for a x if ``odd``,
     else for x.
 
-    ``square`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
+    ``amplitude_squared`` is a^2. Arithmetic keeps the factors a, so nothing is divided by a.
     """
 
-    __slots__ = ("odd", "square", "x")
+    __slots__ = ("amplitude_squared", "odd", "x")
 
-    def __init__(self, x: Any, square: Any, *, odd: bool = False) -> None:
-        self.x, self.square, self.odd = x, square, odd
+    def __init__(self, x: Any, amplitude_squared: Any, *, odd: bool = False) -> None:
+        self.x, self.amplitude_squared, self.odd = x, amplitude_squared, odd
 
-    def _other(self, other: Any) -> _ScaledNumber:
-        return other if isinstance(other, _ScaledNumber) else _ScaledNumber(other, self.square)
+    def _as_scaled(self, other: Any) -> _ScaledNumber:
+        return (
+            other
+            if isinstance(other, _ScaledNumber)
+            else _ScaledNumber(other, self.amplitude_squared)
+        )
 
     def __add__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         if other.odd is not self.odd:
             raise ArithmeticError("an odd and an even quantity were added: the field is not odd")
-        return _ScaledNumber(self.x + other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x + other.x, self.amplitude_squared, odd=self.odd)
 
     def __sub__(self, other: Any) -> _ScaledNumber:
-        return self + -self._other(other)
+        return self + -self._as_scaled(other)
 
     def __neg__(self) -> _ScaledNumber:
-        return _ScaledNumber(-self.x, self.square, odd=self.odd)
+        return _ScaledNumber(-self.x, self.amplitude_squared, odd=self.odd)
 
     def __mul__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         product = self.x * other.x
         both_odd = self.odd and other.odd
         return _ScaledNumber(
-            product * self.square if both_odd else product,
-            self.square,
+            product * self.amplitude_squared if both_odd else product,
+            self.amplitude_squared,
             odd=self.odd is not other.odd,
         )
 
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> _ScaledNumber:
-        other = self._other(other)
+        other = self._as_scaled(other)
         if other.odd:
             raise ArithmeticError(
                 "a quotient by an odd quantity is not analytic in the square of the amplitude"
             )
-        return _ScaledNumber(self.x / other.x, self.square, odd=self.odd)
+        return _ScaledNumber(self.x / other.x, self.amplitude_squared, odd=self.odd)
 
 
 class _ScaledOps:
     """The sine and cosine of a `_ScaledNumber` that stands for an odd angle, in the form that
-    `field` needs.
+    `vector_field` needs.
     """
 
     @staticmethod
     def sin(angle: _ScaledNumber) -> _ScaledNumber:
-        return _ScaledNumber(_sine_and_cosine(angle)[0], angle.square, odd=True)
+        return _ScaledNumber(_sine_and_cosine(angle)[0], angle.amplitude_squared, odd=True)
 
     @staticmethod
     def cos(angle: _ScaledNumber) -> _ScaledNumber:
-        return _ScaledNumber(_sine_and_cosine(angle)[1], angle.square)
+        return _ScaledNumber(_sine_and_cosine(angle)[1], angle.amplitude_squared)
 
 
 def _sine_and_cosine(angle: _ScaledNumber) -> tuple[Any, Any]:
     if not angle.odd:
         raise ArithmeticError("an angle must be an odd quantity")
     if isinstance(angle.x, Node):
-        sine = angle.x.graph.scaled_sine(angle.x, angle.square)
+        sine = angle.x.graph.scaled_sine(angle.x, angle.amplitude_squared)
         return sine, sine.partner
-    return scaled_sine(angle.x, angle.square)[:2]
+    return scaled_sine(angle.x, angle.amplitude_squared)[:2]
 
 
 class ScaledModel(Model):
     """The equations of motion of a state (b, g, w) that is scaled by its amplitude a.
 
-    The state is (beta_bar, gamma_bar, v) / a, and ``square`` is q = a^2. ``omega`` is in rad/s.
-    Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and the
-    divergence is d(w')/d(w).
+    The state is (beta_bar, gamma_bar, v) / a, and ``amplitude_squared`` is q = a^2. ``omega`` is in
+    rad/s. Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and
+    the divergence is d(w')/d(w).
     """
 
-    def __init__(self, constants: FieldConstants, omega: Any, square: Any) -> None:
-        super().__init__(constants, omega, scaled_field, (square,))
+    def __init__(self, constants: FieldConstants, omega: Any, amplitude_squared: Any) -> None:
+        super().__init__(constants, omega, scaled_vector_field, (amplitude_squared,))
 
 
-def scaled_field(
-    ops: Any, constants: FieldConstants, omega: Any, square: Any
+def scaled_vector_field(
+    ops: Any, constants: FieldConstants, omega: Any, amplitude_squared: Any
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the vector field of the scaled motion: a function from (b, g, w) to (b', g', w').
 
@@ -152,16 +157,16 @@ def scaled_field(
         ops: Not used: `_ScaledOps` finds the sine and cosine of each kind of number.
         constants: The disk's constants.
         omega: The speed [rad/s].
-        square: q = a^2, in the arithmetic of the other numbers.
+        amplitude_squared: q = a^2, in the arithmetic of the other numbers.
 
     Raises:
         ArithmeticError: If a rate is not odd.
     """
-    even = FieldConstants(*(_ScaledNumber(value, square) for value in constants))
+    even = FieldConstants(*(_ScaledNumber(value, amplitude_squared) for value in constants))
 
     def rates(*state: Any) -> tuple[Any, Any, Any]:
-        odd = (_ScaledNumber(part, square, odd=True) for part in state)
-        b, g, w = field(_ScaledOps, even, _ScaledNumber(omega, square))(*odd)
+        odd = (_ScaledNumber(part, amplitude_squared, odd=True) for part in state)
+        b, g, w = vector_field(_ScaledOps, even, _ScaledNumber(omega, amplitude_squared))(*odd)
         if not (b.odd and g.odd and w.odd):
             raise ArithmeticError("a rate is not odd")
         return b.x, g.x, w.x
@@ -178,27 +183,32 @@ class ScaledCurve(Curve):
     otherwise.
     """
 
-    unit = ((0, 0, 0), (0, 1, 0))
-    columns = (2, 0)
-    equations = ScaledModel
+    start_derivative = ((0, 0, 0), (0, 1, 0))
+    parameter_columns = (2, 0)
+    model_class = ScaledModel
 
     @property
     def start(self) -> tuple[Jet, Jet]:
         return 1 + 0 * self.v.mid(), self.v
 
     @property
-    def numbers(self) -> tuple[Jet, ...]:
-        return (*super().numbers, self.gamma_bar)
+    def equation_parameters(self) -> tuple[Jet, ...]:
+        return (*super().equation_parameters, self.gamma_bar)
 
     def trace(self, matrix: Matrix) -> Jet:
         degree = matrix[0][0].degree
-        fixed, square = (self.v + self.deviation[1]).cut(degree), self.gamma_bar.cut(degree)
-        trace: Jet = 1 - fixed * matrix[0][1] + 2 * (square * matrix[0][0]) + matrix[1][1]
+        fixed, amplitude_squared = (
+            (self.v + self.deviation[1]).truncated(degree),
+            self.gamma_bar.truncated(degree),
+        )
+        trace: Jet = (
+            1 - fixed * matrix[0][1] + 2 * (amplitude_squared * matrix[0][0]) + matrix[1][1]
+        )
         return trace
 
     def amplitude_slope(self, beta_bar: Any, slope: Jet) -> Jet:
         # beta_bar = a b, so d(beta_bar)/da = b + 2 q db/dq.
-        rise: Jet = 2 * (self.gamma_bar.cut(slope.degree) * slope) + beta_bar
+        rise: Jet = 2 * (self.gamma_bar.truncated(slope.degree) * slope) + beta_bar
         return rise
 
     def __post_init__(self) -> None:

@@ -4,8 +4,8 @@ side of gamma_y = 0.
 One law for each side
 ---------------------
 gamma_y is the sliding velocity. For each sign s the law with |gamma_y| replaced by s gamma_y
-(`field.one_sided`) is analytic wherever s gamma_y > -epsilon. It is the smooth law where
-s gamma_y >= 0. As
+(`field.one_sided_vector_field`) is analytic wherever s gamma_y > -epsilon. It is the smooth law
+where s gamma_y >= 0. As
 
     traction / (s gamma_y + epsilon) = (s traction) / (gamma_y + s epsilon),
 
@@ -55,75 +55,89 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball_constants,
     converted_like,
+    magnitude_estimate,
     negative,
     positive,
-    upper,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import LAWS
-from tippedisk_verify.proofs.kernel.field import Law, one_sided, sliding_motion
+from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, StepProposer
-from tippedisk_verify.proofs.kernel.step import Step, enclosed_moment, polynomial
+from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time, evaluate_polynomial
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
+from tippedisk_verify.proofs.kernel.vector_field import (
+    VectorFieldMaker,
+    one_sided_vector_field,
+    sliding_motion,
+)
 
-__all__ = ["Crossing", "SlidingPath", "SmoothModel", "law_model", "model_of"]
+__all__ = [
+    "SlidingPath",
+    "SlidingReversalStep",
+    "SmoothModel",
+    "model_for_disk",
+    "model_for_friction",
+]
 
-_PIECES = 16  # of a step
+_PIECES_PER_STEP = 16  # of a step
 # The order of gamma_y's series. Its values are differences of larger numbers, which boxes of states
 # would lose.
-_ORDER = 10
-_MAX_CUTS = 14
+_VELOCITY_ORDER = 10
+_MAX_SHORTENINGS = 14
 _MIN_STEP = 2.0**-40  # s
 _CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
 _LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 
-def law_model(friction: str, constants: Any, omega: Any) -> Model:
+def model_for_friction(friction: str, constants: Any, omega: Any) -> Model:
     """Return the equations of motion on balls, as a `Model`, under a friction law.
 
     ``friction`` is 'linear' or 'smooth'.
     """
-    return (SmoothModel if LAWS[friction].two_sided else Model)(constants, omega)
+    return (SmoothModel if FRICTION_LAWS[friction].two_sided else Model)(constants, omega)
 
 
-def model_of(parameters: Any, omega: Any) -> Model:
+def model_for_disk(parameters: Any, omega: Any) -> Model:
     """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
 
     All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
     """
-    return law_model(parameters.friction, ball_constants(parameters), omega)
+    return model_for_friction(parameters.friction, ball_constants(parameters), omega)
 
 
 class SmoothModel(Model):
     """The equations of motion with the analytic friction law of one side of gamma_y = 0.
 
-    This is side 1, unless `of_side` has changed the signs of traction and epsilon.
+    This is side 1, unless `for_side` has changed the signs of traction and epsilon.
     """
 
-    def __init__(self, constants: Any, omega: Any, law: Law | None = None) -> None:
-        super().__init__(constants, omega, law or one_sided(1))
-        self._other: SmoothModel | None = None
+    def __init__(self, constants: Any, omega: Any, law: VectorFieldMaker | None = None) -> None:
+        super().__init__(constants, omega, law or one_sided_vector_field(1))
+        self._other_side: SmoothModel | None = None
         graph = Graph()
         variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
         numbers = type(self.constants)(*map(graph.number, self.constants))
-        rates = self.law(graph, numbers, speed)(*variables)
+        rates = self.make_vector_field(graph, numbers, speed)(*variables)
         velocity, _ = sliding_motion(graph, numbers, speed, variables)
-        self._with_path = System(graph, [*variables, graph.variable()], [*rates, velocity])
+        self._system_with_sliding_path = System(
+            graph, [*variables, graph.variable()], [*rates, velocity]
+        )
 
-    def of_side(self, side: int) -> SmoothModel:
+    def for_side(self, side: int) -> SmoothModel:
         """Return this model for ``side`` >= 0, and the model with the friction law of the other
         side of gamma_y = 0 for a negative ``side``.
         """
         if side >= 0:
             return self
-        if self._other is None:
+        if self._other_side is None:
             traction, epsilon = -self.constants.traction, -self.constants.epsilon
-            self._other = SmoothModel(
+            self._other_side = SmoothModel(
                 self.constants._replace(traction=traction, epsilon=epsilon), self.omega
             )
-            self._other._other = self
-        return self._other
+            self._other_side._other_side = self
+        return self._other_side
 
-    def motion(self, state: Sequence[Any], *, middle: bool = False) -> tuple[Any, Any]:
+    def sliding_velocity_and_rate(
+        self, state: Sequence[Any], *, middle: bool = False
+    ) -> tuple[Any, Any]:
         """Return the sliding velocity gamma_y [m/s] of a state and its rate [m/s^2], by this
         model's law.
 
@@ -131,16 +145,16 @@ class SmoothModel(Model):
         hold for all speeds in the ball.
         """
         omega = self.omega.mid() if middle else self.omega
-        acceleration = self.law(BallOps, self.constants, omega)(*state)[2]
+        acceleration = self.make_vector_field(BallOps, self.constants, omega)(*state)[2]
         return sliding_motion(BallOps, self.constants, omega, state, acceleration)
 
-    def velocity(self, state: Sequence[Any], order: int) -> list[Any]:
+    def sliding_velocity_series(self, state: Sequence[Any], order: int) -> list[Any]:
         """Return Taylor coefficients 0 to ``order`` of the sliding velocity gamma_y along orbits
         from a state.
         """
-        integral = self._with_path.coefficients([*state, converted_like(state[0], 0)], order + 1)[
-            -1
-        ]
+        integral = self._system_with_sliding_path.coefficients(
+            [*state, converted_like(state[0], 0)], order + 1
+        )[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
     def path(
@@ -150,28 +164,34 @@ class SmoothModel(Model):
 
 
 @dataclass(frozen=True)
-class Crossing(Step):
+class SlidingReversalStep(Step):
     """An accepted step in which the sliding velocity of every orbit changes its sign, exactly once.
 
     The derivatives at times that are not shown to be later than all crossings are not finite.
     """
 
-    first: Any = None  #: the step with the first side's law
-    tau: Any = None  #: when the orbits cross, from the step's start [s]
-    second: Any = None  #: the step from there, with the other side's law and the midpoint's orbit
-    middle_tau: Any = None  #: when the midpoint's orbit crosses
+    step_before_reversal: Any = None  #: the step with the first side's law
+    reversal_time: Any = None  #: when the orbits cross, from the step's start [s]
+    step_after_reversal: Any = (
+        None  #: the step from there, with the other side's law and the midpoint's orbit
+    )
+    midpoint_reversal_time: Any = None  #: when the midpoint's orbit crosses
 
-    def at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
-        if positive(self.tau - time):
-            return tuple(self.first.at(time, components))
-        if positive(time - self.tau):
-            return super().at(time, components)
+    def states_at(self, time: Any, components: slice = slice(3)) -> tuple[Any, ...]:
+        if positive(self.reversal_time - time):
+            return tuple(self.step_before_reversal.states_at(time, components))
+        if positive(time - self.reversal_time):
+            return super().states_at(time, components)
         return self.enclosure[components]
 
-    def rows_at(self, time: Any, components: slice = slice(3)) -> tuple[tuple[Any, ...], ...]:
+    def step_derivatives_at(
+        self, time: Any, components: slice = slice(3)
+    ) -> tuple[tuple[Any, ...], ...]:
         before, after = (
-            self.first.rows_at(self.tau),
-            self.second.rows_at(_since(self.tau, time), components),
+            self.step_before_reversal.step_derivatives_at(self.reversal_time),
+            self.step_after_reversal.step_derivatives_at(
+                _time_since(self.reversal_time, time), components
+            ),
         )
         columns = list(zip(*before, strict=True))
         rows = [[sum(row[k] * column[k] for k in range(3)) for column in columns] for row in after]
@@ -180,12 +200,14 @@ class Crossing(Step):
         )
 
     def divergence_at(self, time: Any) -> Any:
-        return self.first.divergence_at(self.tau) + self.second.divergence_at(
-            _since(self.tau, time)
-        )
+        return self.step_before_reversal.divergence_at(
+            self.reversal_time
+        ) + self.step_after_reversal.divergence_at(_time_since(self.reversal_time, time))
 
-    def centre(self, time: Any, components: slice = slice(3)) -> Any:
-        return self.second.centre(_since(self.middle_tau, time), components)
+    def midpoint_orbit_at(self, time: Any, components: slice = slice(3)) -> Any:
+        return self.step_after_reversal.midpoint_orbit_at(
+            _time_since(self.midpoint_reversal_time, time), components
+        )
 
 
 class SlidingPath(Path):
@@ -204,32 +226,32 @@ class SlidingPath(Path):
         derivatives: bool = False,
     ) -> None:
         super().__init__(model, start, proposer, derivatives=derivatives)
-        velocity, _ = model.motion(self.box)
+        velocity, _ = model.sliding_velocity_and_rate(self.box)
         #: The sliding velocity's sign; 0 if it is not known
         self.side = 1 * positive(velocity) - 1 * negative(velocity)
-        self.model = model.of_side(self.side)
+        self.model = model.for_side(self.side)
 
-    def step(self, longest: float | None = None) -> Step | None:
-        for _ in range(_MAX_CUTS):
-            step = super().step(longest)
+    def step(self, max_length: float | None = None) -> Step | None:
+        for _ in range(_MAX_SHORTENINGS):
+            step = super().step(max_length)
             if step is None:
                 return None
-            followed = self._followed(step)
-            if followed is not None and (longest is None or followed.length <= longest):
+            followed = self._step_of_proved_sign(step)
+            if followed is not None and (max_length is None or followed.length <= max_length):
                 return followed
-            longest = (followed or step).length / 2
-            if longest < _MIN_STEP or not self.side:
+            max_length = (followed or step).length / 2
+            if max_length < _MIN_STEP or not self.side:
                 break
         self.status = FlowStatus.GRAZING
         return None
 
-    def take(self, step: Step, time: Any = None) -> None:
-        super().take(step, time)
-        if isinstance(step, Crossing):
+    def take_step(self, step: Step, time: Any = None) -> None:
+        super().take_step(step, time)
+        if isinstance(step, SlidingReversalStep):
             self.reversals += 1
-            self.side, self.model = -self.side, self.model.of_side(-1)
+            self.side, self.model = -self.side, self.model.for_side(-1)
 
-    def _followed(self, step: Step) -> Step | None:
+    def _step_of_proved_sign(self, step: Step) -> Step | None:
         """Return the step if gamma_y keeps its sign in it. If all orbits change this sign, return
         the step through the crossing in its place.
 
@@ -237,14 +259,16 @@ class SlidingPath(Path):
         """
         if not self.side:
             return None
-        if positive(_signed(self.model.motion(step.enclosure)[0], self.side)):
+        if positive(
+            _times_sign(self.model.sliding_velocity_and_rate(step.enclosure)[0], self.side)
+        ):
             return step
-        kept, crossing = self._by_pieces(step)
+        kept, crossing = self._sign_on_pieces(step)
         if kept:
             return step
-        return None if crossing is None else self._crossing(step, *crossing)
+        return None if crossing is None else self._reversal_step(step, *crossing)
 
-    def _by_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
+    def _sign_on_pieces(self, step: Step) -> tuple[bool, tuple[Any, Any] | None]:
         """Divide the step into pieces and test if the sliding velocity gamma_y keeps its sign s.
 
         Returns (True, None) if it is shown to. If all orbits may cross gamma_y = 0, returns False
@@ -253,20 +277,20 @@ class SlidingPath(Path):
         shown, returns (False, None).
         """
         start, throughout = (
-            self.model.velocity(self.box, _ORDER),
-            self.model.velocity(step.enclosure, _ORDER + 1),
+            self.model.sliding_velocity_series(self.box, _VELOCITY_ORDER),
+            self.model.sliding_velocity_series(step.enclosure, _VELOCITY_ORDER + 1),
         )
-        velocity = [_signed(coefficient, self.side) for coefficient in (*start, throughout[-1])]
+        velocity = [_times_sign(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
         length, waits, run, fall = arb(step.length), False, arb(0), arb(0)
-        for piece in range(_PIECES):
-            low, high = (length * (n / _PIECES) for n in (piece, piece + 1))
+        for piece in range(_PIECES_PER_STEP):
+            low, high = (length * (n / _PIECES_PER_STEP) for n in (piece, piece + 1))
             time = low.union(high)
-            rate, last = polynomial(rates, time), polynomial(velocity, high)
+            rate, last = evaluate_polynomial(rates, time), evaluate_polynomial(velocity, high)
             falls = negative(rate)
             run, fall = (run.union(time), fall.union(rate)) if waits else (time, rate)
             if (
-                positive(polynomial(velocity, time))
+                positive(evaluate_polynomial(velocity, time))
                 or (not waits and positive(rate))
                 or (falls and positive(last))
             ):
@@ -279,7 +303,7 @@ class SlidingPath(Path):
             waits = True
         return not waits, None
 
-    def _crossing(self, step: Step, between: Any, rate: Any) -> Crossing | None:
+    def _reversal_step(self, step: Step, between: Any, rate: Any) -> SlidingReversalStep | None:
         """Return a step that ends shortly after the sliding velocity of all orbits has changed its
         sign.
 
@@ -293,40 +317,58 @@ class SlidingPath(Path):
 
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
-                return -_signed(self.model.motion(states(time), middle=middle)[k], self.side)
+                return -_times_sign(
+                    self.model.sliding_velocity_and_rate(states(time), middle=middle)[k], self.side
+                )
 
-            return enclosed_moment(
+            return enclosed_zero_time(
                 step, between, lambda time: towards(time, 0), -rate, lambda time: towards(time, 1)
             )
 
         # The middle's orbit is one of them; the rates of all hold for it.
-        tau, middle_tau = zero(step.at), zero(step.centre, middle=True)
-        if tau is None or middle_tau is None:
+        reversal_time, midpoint_reversal_time = (
+            zero(step.states_at),
+            zero(step.midpoint_orbit_at, middle=True),
+        )
+        if reversal_time is None or midpoint_reversal_time is None:
             return None
-        until = upper(tau + _CROSSING_MARGIN * step.length)
-        left = until - tau
-        other = self.model.of_side(-1)
-        onwards = Path(other, step.at(tau), self.proposer.beyond(), derivatives=self.sharp)
-        onwards.middle = step.centre(middle_tau)
-        second = onwards.step(upper(left * _LENGTH_MARGIN))
+        until = magnitude_estimate(reversal_time + _CROSSING_MARGIN * step.length)
+        left = until - reversal_time
+        other = self.model.for_side(-1)
+        onwards = Path(
+            other,
+            step.states_at(reversal_time),
+            self.proposer.after_reversal(),
+            derivatives=self.carries_derivatives,
+        )
+        onwards.midpoint_start = step.midpoint_orbit_at(midpoint_reversal_time)
+        second = onwards.step(magnitude_estimate(left * _LENGTH_MARGIN))
         if second is None or not (positive(left) and positive(second.length - left)):
             return None
-        if not negative(_signed(other.motion(second.enclosure)[1], self.side)):
+        if not negative(
+            _times_sign(other.sliding_velocity_and_rate(second.enclosure)[1], self.side)
+        ):
             return None
         enclosure = tuple(a.union(b) for a, b in zip(step.enclosure, second.enclosure, strict=True))
         own = (
-            step.begin,
+            step.start_time,
             until,
             enclosure,
-            step.frame,
+            step.state_set,
             step.orders,
             step.polynomials,
-            step.derivatives,
+            step.derivative_polynomials,
         )
-        return Crossing(*own, first=step, tau=tau, second=second, middle_tau=middle_tau)
+        return SlidingReversalStep(
+            *own,
+            step_before_reversal=step,
+            reversal_time=reversal_time,
+            step_after_reversal=second,
+            midpoint_reversal_time=midpoint_reversal_time,
+        )
 
 
-def _since(moment: Any, time: Any) -> Any:
+def _time_since(moment: Any, time: Any) -> Any:
     """Return the time that has passed since ``moment``, or NaN unless ``time`` is shown to be
     later.
     """
@@ -334,5 +376,5 @@ def _since(moment: Any, time: Any) -> Any:
     return after if positive(after) else arb.nan()
 
 
-def _signed(x: Any, side: int) -> Any:
+def _times_sign(x: Any, side: int) -> Any:
     return -x if side < 0 else x

@@ -46,26 +46,26 @@ from tippedisk_verify.proofs.kernel.balls import (
     arb,
     around_zero,
     converted_like,
-    cut_for_derivatives,
     inside,
     intersection,
     is_ball_array,
+    magnitude_estimate,
     negative,
     positive,
     range_of,
-    upper,
+    truncated_for_derivatives,
     working_bits,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.taylor_recurrences import System
 
-__all__ = ["Step", "Trial", "enclosed_moment", "magnitude", "polynomial"]
+__all__ = ["Step", "StepTrial", "enclosed_zero_time", "evaluate_polynomial", "log2_magnitude"]
 
 _REMAINDER_BITS = 64  # a remainder is needed to its first digits only
 _MEAN_VALUE_BITS = 53  # of derivatives that only multiply radii
 _MAX_ITERATIONS = 100
-_ALL = slice(3)
+_ALL_COMPONENTS = slice(3)
 
 
 @dataclass(frozen=True)
@@ -76,77 +76,87 @@ class Step:
     They are proved if ``included`` is True.
     """
 
-    begin: Any  #: time at its start [s]
+    start_time: Any  #: time at its start [s]
     length: Any  #: [s], exact: a float, or an array of balls
     enclosure: tuple[Any, ...]  #: holds the state throughout, for every orbit from the box
-    frame: Frame  #: of the states at its start
+    state_set: Doubleton  #: of the states at its start
     orders: tuple[int, int]  #: of the midpoint's series, and of that over the box
     polynomials: list[list[Any]]  #: of the midpoint's orbit, the remainder's coefficient last
     #: those of the derivatives, 3 to a column, and of the divergence's integral, likewise
-    derivatives: list[list[Any]]
+    derivative_polynomials: list[list[Any]]
     included: Any = True  #: True if the step is proved; a mask for arrays of balls
 
-    def rows_at(self, time: Any, components: slice = _ALL) -> tuple[tuple[Any, ...], ...]:
+    def step_derivatives_at(
+        self, time: Any, components: slice = _ALL_COMPONENTS
+    ) -> tuple[tuple[Any, ...], ...]:
         """Return the derivatives of the state at ``time`` with respect to the state at the step's
         start and Omega, for every orbit from the box.
         """
-        columns, time = range(0, len(self.derivatives) - 2, 3), cut_for_derivatives(time)
+        columns, time = (
+            range(0, len(self.derivative_polynomials) - 2, 3),
+            truncated_for_derivatives(time),
+        )
         return tuple(
-            tuple(polynomial(self.derivatives[column + row], time) for column in columns)
+            tuple(
+                evaluate_polynomial(self.derivative_polynomials[column + row], time)
+                for column in columns
+            )
             for row in range(3)[components]
         )
 
-    def derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
+    def path_derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
         """Return the derivatives of the state at ``time`` with respect to the start of the whole
         path and Omega, for every orbit.
         """
-        return self.frame.derivatives(self.rows_at(time))
+        return self.state_set.derivatives_after_map(self.step_derivatives_at(time))
 
     def divergence_at(self, time: Any) -> Any:
         """Return the integral of div f, the field's divergence, from the step's start
         to ``time``.
         """
-        return polynomial(self.derivatives[-1], cut_for_derivatives(time))
+        return evaluate_polynomial(self.derivative_polynomials[-1], truncated_for_derivatives(time))
 
-    def at(self, time: Any, components: slice = _ALL) -> tuple[Any, ...]:
+    def states_at(self, time: Any, components: slice = _ALL_COMPONENTS) -> tuple[Any, ...]:
         """Return balls of the state, or of some components, after ``time``, a ball within [0,
         length]. They hold for every orbit.
         """
-        return self.frame.image(self.centre(time, components), self.rows_at(time, components))
+        return self.state_set.image(
+            self.midpoint_orbit_at(time, components), self.step_derivatives_at(time, components)
+        )
 
     def component(self, index: int, time: Any) -> Any:
         """Return a ball of one component of the state after ``time`` [s], for every orbit."""
-        return self.at(time, slice(index, index + 1))[0]
+        return self.states_at(time, slice(index, index + 1))[0]
 
-    def at_end(self) -> tuple[Any, ...]:
+    def states_at_end(self) -> tuple[Any, ...]:
         """Return the state at the step's end, for every orbit from the box."""
-        return self.frame.image(*self.end)
+        return self.state_set.image(*self.midpoint_end)
 
     @cached_property
-    def end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
-        """The state of the midpoint's orbit at the step's end, and the derivatives that `rows_at`
-        gives there.
+    def midpoint_end(self) -> tuple[Sequence[Any], tuple[tuple[Any, ...], ...]]:
+        """The state of the midpoint's orbit at the step's end, and the derivatives that
+        `step_derivatives_at` gives there.
         """
         time = converted_like(self.polynomials[0][0], self.length)
-        return self.centre(time), self.rows_at(time)
+        return self.midpoint_orbit_at(time), self.step_derivatives_at(time)
 
-    def centre(self, time: Any, components: slice = _ALL) -> Sequence[Any]:
+    def midpoint_orbit_at(self, time: Any, components: slice = _ALL_COMPONENTS) -> Sequence[Any]:
         """Return the state of the midpoint's orbit after ``time``."""
-        return [polynomial(series, time) for series in self.polynomials[components]]
+        return [evaluate_polynomial(series, time) for series in self.polynomials[components]]
 
-    def span(self) -> Any:
+    def time_span(self) -> Any:
         """Return a ball that holds all times of the step, from 0 to its length."""
-        return _from_zero(converted_like(self.enclosure[0], self.length))
+        return _hull_with_zero(converted_like(self.enclosure[0], self.length))
 
 
-def polynomial(coefficients: Sequence[Any], time: Any) -> Any:
+def evaluate_polynomial(coefficients: Sequence[Any], time: Any) -> Any:
     result = coefficients[-1]
     for coefficient in reversed(coefficients[:-1]):
         result = result * time + coefficient
     return result
 
 
-class Trial:
+class StepTrial:
     """The Taylor series of all orbits from a path's current set of states, on which step lengths
     are tried.
 
@@ -156,36 +166,48 @@ class Trial:
 
     def __init__(self, path: Any, orders: tuple[int, int]) -> None:
         self.path, self.orders, model = path, orders, path.model
-        self.frame = path.frame  #: the path's place
-        self.thin = model.orbit.coefficients(path.middle or path.frame.middle, orders[0])
-        box = [cut_for_derivatives(part) for part in path.box]
+        self.state_set = path.state_set  #: the path's place
+        self.midpoint_series = model.midpoint_system.coefficients(
+            path.midpoint_start or path.state_set.middle, orders[0]
+        )
+        box = [truncated_for_derivatives(part) for part in path.box]
         zero, one = (converted_like(box[0], k) for k in (0, 1))
-        columns = range(3 + len(path.frame.columns))
+        columns = range(3 + len(path.state_set.parameter_columns))
         start = [*box, *(one if row == column else zero for column in columns for row in range(3))]
-        if path.sharp:
+        if path.carries_derivatives:
             start.append(zero)
-        with working_precision(working_bits() if path.sharp else _MEAN_VALUE_BITS):
-            self.wide = self._system(model).coefficients(start, orders[1])
+        with working_precision(working_bits() if path.carries_derivatives else _MEAN_VALUE_BITS):
+            self.box_series = self._system(model).coefficients(start, orders[1])
 
     def _system(self, model: Any) -> System:
-        system: System = model.with_divergence if self.path.sharp else model.variational
+        system: System = (
+            model.variational_system_with_divergence
+            if self.path.carries_derivatives
+            else model.variational_system
+        )
         return system
 
-    def tested(self, length: Any) -> Step:
+    def tested_step(self, length: Any) -> Step:
         """Test a step of the given length: return it with its enclosures, proved or not.
 
         It becomes the path's latest trial.
         """
         with working_precision(_REMAINDER_BITS):
-            enclosure, fine, wider, included = self._test(length)
-        step = self.path.tested = Step(
+            enclosure, midpoint_remainders, box_remainders, included = self._test(length)
+        step = self.path.latest_tested_step = Step(
             self.path.time,
             length,
             enclosure,
-            self.frame,
+            self.state_set,
             self.orders,
-            [[*c, converted_like(c[0], r)] for c, r in zip(self.thin, fine, strict=True)],
-            [[*c, converted_like(c[0], r)] for c, r in zip(self.wide[3:], wider[3:], strict=True)],
+            [
+                [*c, converted_like(c[0], r)]
+                for c, r in zip(self.midpoint_series, midpoint_remainders, strict=True)
+            ],
+            [
+                [*c, converted_like(c[0], r)]
+                for c, r in zip(self.box_series[3:], box_remainders[3:], strict=True)
+            ],
             included,
         )
         return step
@@ -198,31 +220,41 @@ class Trial:
         which give the remainders: of the states to the full order, and of the states with their
         derivatives to the rough order. The last tells whether the step is proved.
         """
-        bound, (order, rough_order) = self.path.model.bound, self.orders
-        time = converted_like(range_of(self.wide[0][0]), range_of(length))
-        span, power = _from_zero(time), _from_zero(time**rough_order)
-        coefficients = [[range_of(coefficient) for coefficient in series] for series in self.wide]
-        ranges = [polynomial(series, span) for series in coefficients]
+        bound, (order, rough_order) = self.path.model.remainder_model, self.orders
+        time = converted_like(range_of(self.box_series[0][0]), range_of(length))
+        span, power = _hull_with_zero(time), _hull_with_zero(time**rough_order)
+        coefficients = [
+            [range_of(coefficient) for coefficient in series] for series in self.box_series
+        ]
+        ranges = [evaluate_polynomial(series, span) for series in coefficients]
         # The last term's contribution is a fair guess of the remainder's.
         box = [
-            part + around_zero(part.rad() / 256 + _pad(part)) + around_zero(series[-1] * power)
+            part + around_zero(part.rad() / 256 + _padding(part)) + around_zero(series[-1] * power)
             for part, series in zip(ranges, coefficients, strict=True)
         ]
-        wider = [series[-1] for series in self._system(bound).coefficients(box, rough_order + 1)]
-        fine = wider[:3]
+        box_remainders = [
+            series[-1] for series in self._system(bound).coefficients(box, rough_order + 1)
+        ]
+        midpoint_remainders = box_remainders[:3]
         if rough_order != order:
-            fine = [series[-1] for series in bound.orbit.coefficients(box[:3], order + 1)]
+            midpoint_remainders = [
+                series[-1] for series in bound.midpoint_system.coefficients(box[:3], order + 1)
+            ]
         # An infinite coefficient is in no interior.
         included = [
-            inside(part + r * (power * span), room)
-            for part, r, room in zip(ranges, wider, box, strict=True)
+            inside(part + r * (power * span), part_box)
+            for part, r, part_box in zip(ranges, box_remainders, box, strict=True)
         ]
-        included += [positive(time), *(r.is_finite() for r in fine)]
-        return tuple(box[:3]), fine, wider, reduce(and_, included)
+        included += [positive(time), *(r.is_finite() for r in midpoint_remainders)]
+        return tuple(box[:3]), midpoint_remainders, box_remainders, reduce(and_, included)
 
 
-def enclosed_moment(
-    step: Step, span: Any, value: Callable[[Any], Any], slope: Any, slope_over: Callable[[Any], Any]
+def enclosed_zero_time(
+    step: Step,
+    span: Any,
+    value: Callable[[Any], Any],
+    slope: Any,
+    slope_over: Callable[[Any], Any],
 ) -> Any:
     """Return a ball of times that holds all zeros of growing functions of time; None if not shown.
 
@@ -244,28 +276,30 @@ def enclosed_moment(
             moment = guess.union(guess + reach)
         moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
-        if not 1.5 * upper(moment.rad()) < upper(reach):
+        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(reach):
             break
         slope = slope_over(moment)
     return moment if moment.is_finite() else None
 
 
-def _from_zero(length: Any) -> Any:
+def _hull_with_zero(length: Any) -> Any:
     """Return a ball that holds the interval from 0 to ``length``."""
     half = length / 2
     return half + around_zero(half)
 
 
-def _pad(part: Any) -> Any:
+def _padding(part: Any) -> Any:
     """Return the amount by which to widen a ball ``part`` on both sides, which is never zero."""
     if is_ball_array(part):
         return part.abs_upper() * 2.0 ** -(_REMAINDER_BITS // 2) + 2.0**-_REMAINDER_BITS
     return arb(2) ** (
-        max(-_REMAINDER_BITS, magnitude(part) - _REMAINDER_BITS // 2) if part.is_finite() else 0
+        max(-_REMAINDER_BITS, log2_magnitude(part) - _REMAINDER_BITS // 2)
+        if part.is_finite()
+        else 0
     )
 
 
-def magnitude(x: Any) -> int:
+def log2_magnitude(x: Any) -> int:
     """Return the least integer k, but for rounding, with |x| < 2^k for all x of the ball; -10^6 for
     zero.
 

@@ -1,11 +1,11 @@
 """Taylor coefficients of solutions, by recurrences on a graph that the equations of motion record.
 
-A `Graph` makes nodes that know arithmetic. Evaluating `field.field` on them once records its
-elementary operations. Each operation has a recurrence for the Taylor coefficients of its result
-(Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a product it is a
-convolution; sine and cosine follow from each other. Partial derivatives are recorded on the same
-graph in reverse order (`Graph.gradient`), so the variational equations need no transcription
-(`with_derivatives`).
+A `Graph` makes nodes that know arithmetic. Evaluating `vector_field.vector_field` on them once
+records its elementary operations. Each operation has a recurrence for the Taylor coefficients of
+its result (Moore 1966, ch. 11; Griewank and Walther, *Evaluating Derivatives*, ch. 13). For a
+product it is a convolution; sine and cosine follow from each other. Partial derivatives are
+recorded on the same graph in reverse order (`Graph.gradient`), so the variational equations need no
+transcription (`systems_with_derivatives`).
 
 Besides sine and cosine there is the pair S = sin(a x) / a, C = cos(a x) with q = a^2
 (`Graph.scaled_sine`). Along an orbit, without a division by a,
@@ -31,10 +31,10 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.jets import scaled_sine
 
-__all__ = ["Graph", "Node", "System", "with_derivatives"]
+__all__ = ["Graph", "Node", "System", "systems_with_derivatives"]
 
 
-_PAIR = ("sin", "cos")
+_SINE_AND_COSINE = ("sin", "cos")
 
 
 def _operation(kind: str, *, reflected: bool = False) -> Callable[[Node, Any], Node]:
@@ -56,13 +56,13 @@ class Node:
     A constant has one coefficient.
     """
 
-    __slots__ = ("active", "c", "constant", "graph", "kind", "left", "partner", "right")
+    __slots__ = ("active", "coefficients", "constant", "graph", "kind", "left", "partner", "right")
 
     def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
         self.graph, self.kind, self.left, self.right = graph, kind, left, right
         # The sine of an angle, the cosine of a sine, the sine of a cosine
         self.partner: Node | None = None
-        self.c: list[Any] = []
+        self.coefficients: list[Any] = []
         parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
         self.constant: bool = bool(parts) and all(part.constant for part in parts)
         self.active: bool = any(part.active for part in parts)
@@ -81,7 +81,7 @@ class Graph:
     """A record of the arithmetic by which the rates of motion are computed, for Taylor recurrences.
 
     Its nodes are the operations in the order in which they were recorded. The graph also provides
-    the sine and cosine (``ops``) that `field.field` needs.
+    the sine and cosine (``ops``) that `vector_field.vector_field` needs.
     """
 
     def __init__(self) -> None:
@@ -104,7 +104,7 @@ class Graph:
         if isinstance(value, Node):
             return value
         node = Node(self, "number")
-        node.constant, node.active, node.c = True, active, [value]
+        node.constant, node.active, node.coefficients = True, active, [value]
         return node
 
     def operation(self, kind: str, left: Node, right: Any) -> Node:
@@ -112,7 +112,9 @@ class Graph:
             return left
         node = Node(self, kind, left, self.number(right))
         if node.constant:
-            node.c = [_fold_constants(kind, left.c[0], node.right.c[0])]
+            node.coefficients = [
+                _fold_constants(kind, left.coefficients[0], node.right.coefficients[0])
+            ]
         return node
 
     def sin(self, angle: Node) -> Node:
@@ -143,9 +145,9 @@ class Graph:
         """
         adjoints: dict[Node, Any] = {output: 1}
 
-        def pass_on(node: Node, share: Any) -> None:
+        def add_to_adjoint(node: Node, contribution: Any) -> None:
             if node.active:
-                adjoints[node] = adjoints[node] + share if node in adjoints else share
+                adjoints[node] = adjoints[node] + contribution if node in adjoints else contribution
 
         # The list grows while it is read. The new entries are the adjoints' own operations, which
         # are not part of the output.
@@ -154,30 +156,30 @@ class Graph:
                 continue
             bar = adjoints[node]
             if node.kind in ("add", "subtract"):
-                pass_on(node.left, bar)
-                pass_on(node.right, bar if node.kind == "add" else -bar)
+                add_to_adjoint(node.left, bar)
+                add_to_adjoint(node.right, bar if node.kind == "add" else -bar)
             elif node.kind == "multiply":
-                pass_on(node.left, node.right * bar)
-                pass_on(node.right, node.left * bar)
+                add_to_adjoint(node.left, node.right * bar)
+                add_to_adjoint(node.right, node.left * bar)
             elif node.kind == "divide":
-                share = bar / node.right
-                pass_on(node.left, share)
-                pass_on(node.right, -(node * share))
+                contribution = bar / node.right
+                add_to_adjoint(node.left, contribution)
+                add_to_adjoint(node.right, -(node * contribution))
             else:
-                angle, square, share = node.left, node.right, node.partner * bar
+                angle, square, contribution = node.left, node.right, node.partner * bar
                 if node.kind == "cos":
-                    share = -share if square is None else -(square * share)
-                pass_on(angle, share)
+                    contribution = -contribution if square is None else -(square * contribution)
+                add_to_adjoint(angle, contribution)
                 if square is not None and square.active:
                     slope = (angle * node.partner) / -2
                     if node.kind == "sin":
                         slope = Node(self, "slope", angle * node, square)
                         slope.partner = angle
-                    pass_on(square, slope * bar)
+                    add_to_adjoint(square, slope * bar)
         return [self.number(adjoints.get(node, 0)) for node in inputs]
 
 
-def with_derivatives(
+def systems_with_derivatives(
     graph: Graph, variables: Sequence[Node], numbers: Sequence[Node], rates: Sequence[Node]
 ) -> tuple[System, System]:
     """Return two systems of equations for the states and their derivatives, without and with the
@@ -193,24 +195,24 @@ def with_derivatives(
         unknowns += tangent
         for row in partials:
             terms = [
-                part * side for part, side in zip(row, tangent, strict=False) if not _absent(part)
+                part * side for part, side in zip(row, tangent, strict=False) if not _is_zero(part)
             ]
-            if column >= len(variables) and not _absent(row[column]):
+            if column >= len(variables) and not _is_zero(row[column]):
                 terms.append(row[column])
-            slopes.append(_total(graph, terms))
-    divergence = _total(
-        graph, [part for k, row in enumerate(partials) if not _absent(part := row[k])]
+            slopes.append(_sum_of_nodes(graph, terms))
+    divergence = _sum_of_nodes(
+        graph, [part for k, row in enumerate(partials) if not _is_zero(part := row[k])]
     )
     plain = System(graph, unknowns, slopes)
     return plain, System(graph, [*unknowns, graph.variable()], [*slopes, divergence])
 
 
-def _total(graph: Graph, terms: Sequence[Node]) -> Node:
+def _sum_of_nodes(graph: Graph, terms: Sequence[Node]) -> Node:
     return sum(terms[1:], terms[0]) if terms else graph.number(0)
 
 
-def _absent(node: Node) -> bool:
-    return node.constant and isinstance(node.c[0], int) and node.c[0] == 0
+def _is_zero(node: Node) -> bool:
+    return node.constant and isinstance(node.coefficients[0], int) and node.coefficients[0] == 0
 
 
 class System:
@@ -223,48 +225,50 @@ class System:
     def __init__(self, graph: Graph, variables: Sequence[Node], rates: Sequence[Node]) -> None:
         self.variables, self.rates = tuple(variables), tuple(rates)
         needed = _ancestors(self.rates)
-        moving = [node for node in graph.nodes if node in needed and not node.constant]
-        if any(node.kind == "variable" and node not in self.variables for node in moving):
+        varying = [node for node in graph.nodes if node in needed and not node.constant]
+        if any(node.kind == "variable" and node not in self.variables for node in varying):
             raise ValueError("a rate depends on a variable without a rate")
-        convolved = {part for node in moving for part in _convolved(node)}
-        inner = [node for node in moving if node.kind != "variable"]
-        self._remembered = [node for node in inner if node in convolved]
+        convolved = {part for node in varying for part in _nodes_convolved_by(node)}
+        inner = [node for node in varying if node.kind != "variable"]
+        self._nodes_with_history = [node for node in inner if node in convolved]
         # only their latest coefficient is needed
-        self._passing = [node for node in inner if node not in convolved]
-        self._rules = [rule for node in moving if (rule := _recurrence(node)) is not None]
+        self._nodes_without_history = [node for node in inner if node not in convolved]
+        self._recurrences = [
+            recurrence for node in varying if (recurrence := _recurrence(node)) is not None
+        ]
 
     def coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
         """Return Taylor coefficients 0 … ``order`` at time 0 of each variable of the initial value
         problem, from enclosed starts.
         """
-        with getattr(start[0], "quiet", nullcontext)():
+        with getattr(start[0], "ignoring_numpy_warnings", nullcontext)():
             return self._coefficients(start, order)
 
     def _coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
-        empty = getattr(start[0], "series", _list)
-        for node in self._remembered:
-            node.c = empty(node.c)
+        empty = getattr(start[0], "series", _new_series)
+        for node in self._nodes_with_history:
+            node.coefficients = empty(node.coefficients)
         for variable in self.variables:  # new lists: the caller keeps them
-            variable.c = empty()
-        for node in self._passing:
-            node.c = []
+            variable.coefficients = empty()
+        for node in self._nodes_without_history:
+            node.coefficients = []
         for variable, value in zip(self.variables, start, strict=True):
-            variable.c.append(value)
+            variable.coefficients.append(value)
         zero = 0 * start[0]
         for k in range(order):
-            for rule in self._rules:
-                rule(k)
+            for recurrence in self._recurrences:
+                recurrence(k)
             for variable, rate in zip(self.variables, self.rates, strict=True):
                 if rate.constant:
-                    variable.c.append(zero if k else rate.c[0] + zero)
+                    variable.coefficients.append(zero if k else rate.coefficients[0] + zero)
                 else:
-                    variable.c.append(rate.c[k] / (k + 1))
-            for node in self._passing:
-                node.c[k] = None
-        return [variable.c for variable in self.variables]
+                    variable.coefficients.append(rate.coefficients[k] / (k + 1))
+            for node in self._nodes_without_history:
+                node.coefficients[k] = None
+        return [variable.coefficients for variable in self.variables]
 
 
-def _list(_: object = None) -> list[Any]:
+def _new_series(_: object = None) -> list[Any]:
     return []
 
 
@@ -291,16 +295,16 @@ def _ancestors(nodes: Sequence[Node]) -> set[Node]:
             ancestors.add(node)
             # A sine's recurrence needs the cosine, and the other way round. A variable has a
             # partner that it does not need.
-            partner = node.partner if node.kind in (*_PAIR, "slope") else None
+            partner = node.partner if node.kind in (*_SINE_AND_COSINE, "slope") else None
             open_nodes += [
                 part for part in (node.left, node.right, partner) if isinstance(part, Node)
             ]
     return ancestors
 
 
-def _convolved(node: Node) -> tuple[Node, ...]:
+def _nodes_convolved_by(node: Node) -> tuple[Node, ...]:
     """Return the nodes whose coefficients of all orders the recurrence of ``node`` needs."""
-    if node.kind in _PAIR:
+    if node.kind in _SINE_AND_COSINE:
         return (node,)
     if node.kind == "slope":
         return (node.left,)
@@ -324,35 +328,41 @@ def _recurrence(node: Node) -> Callable[[int], None] | None:
     if kind in ("variable", "cos"):  # a variable's come from its rate, a cosine's with its sine
         return None
     if kind in ("sin", "slope"):
-        return _sine(node) if kind == "sin" else _slope(node)
+        return _sine_recurrence(node) if kind == "sin" else _scaled_sine_slope_recurrence(node)
     if kind == "divide":
         if y.constant:
-            return lambda k: node.c.append(x.c[k] / y.c[0])
+            return lambda k: node.coefficients.append(x.coefficients[k] / y.coefficients[0])
 
         def divide(k: int) -> None:
-            known = x.c[k] if not x.constant else x.c[0] if k == 0 else 0
-            node.c.append((known - _convolution(y.c[1:], node.c)) / y.c[0])
+            dividend = x.coefficients[k] if not x.constant else x.coefficients[0] if k == 0 else 0
+            node.coefficients.append(
+                (dividend - _convolution(y.coefficients[1:], node.coefficients)) / y.coefficients[0]
+            )
 
         return divide
     if kind == "multiply":
         if x.constant:
             x, y = y, x
         if y.constant:
-            return lambda k: node.c.append(x.c[k] * y.c[0])
+            return lambda k: node.coefficients.append(x.coefficients[k] * y.coefficients[0])
         if x is y:
-            return lambda k: node.c.append(_square(x.c, k))
-        return lambda k: node.c.append(_convolution(x.c, y.c))
+            return lambda k: node.coefficients.append(_square(x.coefficients, k))
+        return lambda k: node.coefficients.append(_convolution(x.coefficients, y.coefficients))
     sign = 1 if kind == "add" else -1
     if y.constant:
-        return lambda k: node.c.append(x.c[k] if k else x.c[0] + sign * y.c[0])
+        return lambda k: node.coefficients.append(
+            x.coefficients[k] if k else x.coefficients[0] + sign * y.coefficients[0]
+        )
     if x.constant:
-        return lambda k: node.c.append(x.c[0] + sign * y.c[0] if k == 0 else sign * y.c[k])
+        return lambda k: node.coefficients.append(
+            x.coefficients[0] + sign * y.coefficients[0] if k == 0 else sign * y.coefficients[k]
+        )
     if kind == "add":
-        return lambda k: node.c.append(x.c[k] + y.c[k])
-    return lambda k: node.c.append(x.c[k] - y.c[k])
+        return lambda k: node.coefficients.append(x.coefficients[k] + y.coefficients[k])
+    return lambda k: node.coefficients.append(x.coefficients[k] - y.coefficients[k])
 
 
-def _sine(node: Node) -> Callable[[int], None]:
+def _sine_recurrence(node: Node) -> Callable[[int], None]:
     """Return the function that appends Taylor coefficient k to a sine S and to its cosine C.
 
     Along an orbit S' = C x' and C' = -q S x', where x is the angle and q = 1 unless S is scaled.
@@ -364,24 +374,32 @@ def _sine(node: Node) -> Callable[[int], None]:
     def sine(k: int) -> None:
         nonlocal slopes
         if k == 0:
-            slopes, start = getattr(x.c[0], "series", _list)(slopes), x.c[0]
+            slopes, start = (
+                getattr(x.coefficients[0], "series", _new_series)(slopes),
+                x.coefficients[0],
+            )
             first = (
                 (start.sin(), start.cos())
                 if square is None
-                else scaled_sine(start, square.c[0])[:2]
+                else scaled_sine(start, square.coefficients[0])[:2]
             )
-            node.c.append(first[0])
-            cosine.c.append(first[1])
+            node.coefficients.append(first[0])
+            cosine.coefficients.append(first[1])
         else:
-            slopes.append(k * x.c[k])
-            rise, fall = _convolution(slopes, cosine.c), _convolution(slopes, node.c)
-            node.c.append(rise / k)
-            cosine.c.append(-(fall if square is None else square.c[0] * fall) / k)
+            slopes.append(k * x.coefficients[k])
+            rise, fall = (
+                _convolution(slopes, cosine.coefficients),
+                _convolution(slopes, node.coefficients),
+            )
+            node.coefficients.append(rise / k)
+            cosine.coefficients.append(
+                -(fall if square is None else square.coefficients[0] * fall) / k
+            )
 
     return sine
 
 
-def _slope(node: Node) -> Callable[[int], None]:
+def _scaled_sine_slope_recurrence(node: Node) -> Callable[[int], None]:
     """Return the function that appends Taylor coefficient k to D = dS/dq, S = sin(a x) / a, q =
     a^2.
 
@@ -394,11 +412,11 @@ def _slope(node: Node) -> Callable[[int], None]:
     def slope(k: int) -> None:
         nonlocal slopes
         if k == 0:
-            slopes = getattr(x.c[0], "series", _list)()
-            node.c.append(scaled_sine(x.c[0], square.c[0])[2])
+            slopes = getattr(x.coefficients[0], "series", _new_series)()
+            node.coefficients.append(scaled_sine(x.coefficients[0], square.coefficients[0])[2])
         else:
-            slopes.append(k * x.c[k])
-            node.c.append(_convolution(slopes, product.c[:k]) / (-2 * k))
+            slopes.append(k * x.coefficients[k])
+            node.coefficients.append(_convolution(slopes, product.coefficients[:k]) / (-2 * k))
 
     return slope
 

@@ -5,7 +5,7 @@ Extents and weights of cones fit the three named disks and those near them. Othe
 from the kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round
 at the largest speed. It is raised until the worst of the flights arrives above it.
 
-Balls become points and floats everywhere: any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any evidence that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
-    CLAIM,
-    LID,
+    CLAIM_SHAPE,
+    LID_REFUSAL,
     CyclesNextToConnection,
     LoopMap,
     verify_cycles,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import Passage
-from tippedisk_verify.proofs.kernel.certificates.saddle import abs_upper
+from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
+from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, eigenvectors
 from tippedisk_verify.proofs.search.proof import (
-    ChoiceSearch,
+    EvidenceSearch,
     Proof,
     SearchStopped,
     certificate_claim,
@@ -56,19 +56,22 @@ __all__ = [
 # u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
 _EXTENTS = (Fraction(1, 5), Fraction(1, 5), Fraction(3, 10))
 _CELLS = (32, 6)  # numbers of cells along half of z_u and z_s, and along half of z_f
-_STEEP = (Fraction(1), Fraction(1, 8), Fraction(1))
-_COMPOUND = (Fraction(1, 2), Fraction(1))
+_STEEP_WEIGHTS = (Fraction(1), Fraction(1, 8), Fraction(1))
+_COMPOUND_WEIGHTS = (Fraction(1, 2), Fraction(1))
 _RETURN_RATE = Fraction(10)  # 1/s, between the two roots of p^2 - a_2 p + a_1
-_THIN = Fraction(1, 8)
+_THIN_SLOPE = Fraction(1, 8)
 _SAFETY_FACTOR = arb(17) / 16  # the factor by which an inequality is exceeded
-_FAST, _WEIGHT = Fraction(1, 512), Fraction(1, 4)  # t_0 and w
+_ENTRY_FAST_EXTENT, _FAST_WEIGHT = Fraction(1, 512), Fraction(1, 4)  # t_0 and w
 _SPEED_CELL, _SLOW_CELL = 2e-3, 4e-3  # lengths of the exits' cells in the speed [rad/s] and in z_s
 _LID_FACTOR = 1.01  # the lid relative to the bound from the largest speed's orbit
 _EXCESS_WIDTH = 0.15  # the excess width of an enclosure relative to a cell's image; measured
-_ROUNDS, _ATTEMPTS = 60, 8
+_SEARCH_ROUNDS, _ATTEMPTS = 60, 8
 # s; over a longer step a box's enclosure is too wide where the fast direction contracts
 _MAX_STEP = 0.005
-_FLOWN, _LONGEST = 1e-3, 3000  # length [s] and largest number of steps of the single flights
+_FLIGHT_STEP, _MAX_FLIGHT_STEPS = (
+    1e-3,
+    3000,
+)  # length [s] and largest number of steps of the single flights
 
 Array = NDArray[np.float64]
 
@@ -102,8 +105,10 @@ class ConnectionCyclesProof(Proof):
     gamma: Fraction = Fraction(0)  #: c [rad]
     v: Fraction = Fraction(0)  #: d [rad/s]
     numbers: dict[str, str] = field(default_factory=dict)  #: kappa and other sizes in the proof
-    where: str = ""  #: the inequality that fails
-    choices: dict[str, Any] = field(default_factory=dict)  #: those that the kernel has accepted
+    outcome_detail: str = ""  #: the inequality that fails
+    own_evidence: dict[str, Any] = field(
+        default_factory=dict
+    )  #: those that the kernel has accepted
 
     @property
     def bits(self) -> int:  # type: ignore[override]
@@ -118,7 +123,7 @@ class ConnectionCyclesProof(Proof):
         assert self.connection.parameters is not None
         numbers, texts = (
             {"omega_h": self.connection.omega_h},
-            {name: getattr(self, name) for name in CLAIM},
+            {name: getattr(self, name) for name in CLAIM_SHAPE},
         )
         return certificate_claim(
             "cycles next to the connection", self.connection.parameters, numbers, **texts
@@ -126,18 +131,18 @@ class ConnectionCyclesProof(Proof):
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the kernel has accepted, for the certificate, with those of the
+        """The evidence that the kernel has accepted, for the certificate, with that of the
         connection's proof and its claim.
         """
         eigenvalues = [
             (number.value, number.uncertainty) for number in self.connection.saddle_eigenvalues
         ]
         claimed = {"eigenvalues": eigenvalues, "room": self.connection.room}
-        return self.choices and self.choices | {
+        return self.own_evidence and self.own_evidence | {
             "connection": {**self.connection.evidence, **claimed}
         }
 
-    def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
+    def contains_cycle(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Return True if a fixed point of the half map in these balls is a limit cycle of this
         proof.
 
@@ -147,9 +152,9 @@ class ConnectionCyclesProof(Proof):
         if not self.proved or self.connection.omega_h is None:
             return False
         above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
-        return CyclesNextToConnection(self.low, self.high, above, self.gamma, self.v).meets(
-            omega, gamma_bar, v
-        )
+        return CyclesNextToConnection(
+            self.low, self.high, above, self.gamma, self.v
+        ).contains_cycle(omega, gamma_bar, v)
 
     def to_dict(self) -> dict[str, object]:
         omega_h, names = self.connection.omega_h, ("from", "to", "gamma", "v")
@@ -160,7 +165,7 @@ class ConnectionCyclesProof(Proof):
             "omega_h": None if omega_h is None else omega_h.to_dict(),
             **{
                 name: exact_text(getattr(self, field))
-                for name, field in zip(names, CLAIM, strict=True)
+                for name, field in zip(names, CLAIM_SHAPE, strict=True)
             },
             "numbers": self.numbers,
         }
@@ -170,14 +175,14 @@ def prove_connection_cycles(
     connection: ProvedConnection,
     reach: object = "0.008",
     below: object = "0.0015",
-    watch: Callable[[float], None] = lambda share: None,
+    on_progress: Callable[[float], None] = lambda share: None,
 ) -> ConnectionCyclesProof:
     """Prove the limit cycles at speeds just above Omega_h, and their absence just below it.
 
     The speeds go from ``below`` under a proved connection to ``reach`` above it. Both distances
-    [rad/s] count from Omega_h rounded to four decimals. ``watch`` is called with the share of the
-    flights that is done. Raises InputError for the smooth law and for distances out of range, and
-    NoConnectionError as `eigenvectors` does.
+    [rad/s] count from Omega_h rounded to four decimals. ``on_progress`` is called with the share of
+    the flights that is done. Raises InputError for the smooth law and for distances out of range,
+    and NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
@@ -195,21 +200,27 @@ def prove_connection_cycles(
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
     for attempt in range(_ATTEMPTS):
-        search = _EndSearch(connection, low, high, _LID_FACTOR**attempt)
+        search = _CyclesSearch(connection, low, high, _LID_FACTOR**attempt)
         try:
             with working_precision(connection.bits):
-                end = verify_cycles(connection.verified, low, high, search, watch)
+                end = verify_cycles(connection.verified, low, high, search, on_progress)
         except Unproved as fault:
             failed = ConnectionCyclesProof(
-                search.stopped(fault), connection, low, high, where=str(fault)
+                search.failure_status(fault), connection, low, high, outcome_detail=str(fault)
             )
-            if not failed.where.startswith(LID):
+            if not failed.outcome_detail.startswith(LID_REFUSAL):
                 break
         else:
-            numbers = {"kappa": end.kappa, "eta": search.log["entry"]["lid"], "T": end.time}
+            numbers = {
+                "kappa": end.kappa,
+                "eta": search.log["entry"]["lid"],
+                "T": end.min_passage_time,
+            }
             texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
-            entry = {name: part for name, part in search.log["entry"].items() if name not in CLAIM}
-            choices = search.log | {"entry": entry}
+            entry = {
+                name: part for name, part in search.log["entry"].items() if name not in CLAIM_SHAPE
+            }
+            own_evidence = search.log | {"entry": entry}
             return ConnectionCyclesProof(
                 ConnectionCyclesStatus.PROVED,
                 connection,
@@ -218,7 +229,7 @@ def prove_connection_cycles(
                 end.gamma,
                 end.v,
                 texts,
-                choices=choices,
+                own_evidence=own_evidence,
             )
     return failed
 
@@ -227,28 +238,28 @@ def checked_distance(number: object) -> Fraction:
     """Return a user's distance from Omega_h [rad/s] as an exact number. Raises InputError unless it
     is between 0 and 1.
     """
-    given = exact(number)
-    if given.pi_multiple or not 0 < given.rational < 1:
+    distance = exact(number)
+    if distance.pi_multiple or not 0 < distance.rational < 1:
         raise InputError(
             f"the distance up to which cycles are proved is a decimal between 0 and 1 rad/s, not "
             f"{short_text(number)}"
         )
-    return given.rational
+    return distance.rational
 
 
-class _EndSearch(ChoiceSearch):
+class _CyclesSearch(EvidenceSearch):
     def __init__(
-        self, connection: ProvedConnection, low: Fraction, high: Fraction, factor: float
+        self, connection: ProvedConnection, low: Fraction, high: Fraction, lid_factor: float
     ) -> None:
-        """Prepare a search for the choices of this proof at speeds from ``low`` to ``high``
+        """Prepare a search for the evidence of this proof at speeds from ``low`` to ``high``
         [rad/s].
 
-        The estimated height of the set D along z_u (its lid) is multiplied by ``factor``.
+        The estimated height of the set D along z_u (its lid) is multiplied by ``lid_factor``.
         """
         super().__init__()
-        self.connection, self.low, self.high, self.factor = connection, low, high, factor
+        self.connection, self.low, self.high, self.lid_factor = connection, low, high, lid_factor
 
-    def stopped(self, fault: Unproved) -> ConnectionCyclesStatus:
+    def failure_status(self, fault: Unproved) -> ConnectionCyclesStatus:
         """Return the status that names the stage at which the proof of the limit cycles failed.
 
         ``fault`` is the error by which the kernel or the search gave up.
@@ -271,65 +282,68 @@ class _EndSearch(ChoiceSearch):
         extents = [ball(extent).mid() for extent in _EXTENTS]
         return {"directions": directions.tolist(), "extents": extents, "cells": list(_CELLS)}
 
-    def weights(self, n: Passage) -> dict[str, Any]:
+    def weights(self, passage: SaddlePassage) -> dict[str, Any]:
         flat, lipschitz = (
-            abs_upper((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
-            for matrix in (n.M, n.A)
+            magnitude_bound((abs(matrix[0, 1]) + abs(matrix[0, 2])) / matrix[0, 0] * 9 / 8).mid()
+            for matrix in (passage.M, passage.A)
         )
-        c = n.C
-        grows = [
-            [c[i, j].upper() if i == j else abs_upper(c[i, j]) for j in range(3)] for i in range(3)
+        c = passage.C
+        bound_matrix = [
+            [c[i, j].upper() if i == j else magnitude_bound(c[i, j]) for j in range(3)]
+            for i in range(3)
         ]
-        drift = arb_mat(grows).solve(arb_mat([[-part * _SAFETY_FACTOR] for part in n.stirred]))
+        drift = arb_mat(bound_matrix).solve(
+            arb_mat([[-part * _SAFETY_FACTOR] for part in passage.speed_wedge_bounds])
+        )
         return {
-            "steep": [ball(weight).mid() for weight in _STEEP],
-            "compound": [ball(weight).mid() for weight in _COMPOUND],
-            "drift": [abs_upper(x).mid() for x in drift.entries()],
+            "steep": [ball(weight).mid() for weight in _STEEP_WEIGHTS],
+            "compound": [ball(weight).mid() for weight in _COMPOUND_WEIGHTS],
+            "drift": [magnitude_bound(x).mid() for x in drift.entries()],
             "flat": flat,
             "lipschitz": lipschitz,
-            "thin": ball(_THIN),
+            "thin": ball(_THIN_SLOPE),
             "return": ball(_RETURN_RATE),
         }
 
-    def entry(self, n: Passage) -> dict[str, Any]:
+    def entry(self, passage: SaddlePassage) -> dict[str, Any]:
         """Choose the sizes of the sets D and Q of the proof, from single flights in doubles.
 
         D is so high along z_u (the lid) that the flights with the largest speed and z_s arrive
         within it.
         """
         top, cell = float(self.high), float(self.high) - _SPEED_CELL
-        _, (arrival, further, slower) = self._flown(
-            n, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0])
+        _, (arrival, further, slower) = self._fly_in_doubles(
+            passage, np.array([top, top, cell]), np.array([0, _SLOW_CELL, 0])
         )
         wide = (abs(further - arrival) + abs(slower - arrival)) * _EXCESS_WIDTH
         lid = abs(arrival)
-        for _ in range(_ROUNDS):
-            if lid > float(n.extents[0]) / 2:
+        for _ in range(_SEARCH_ROUNDS):
+            if lid > float(passage.extents[0]) / 2:
                 raise SearchStopped(ConnectionCyclesStatus.NO_LID)
-            reach = float(LoopMap(n, self._entry(n, lid)).exits[1]) / _SLOW_CELL
+            reach = float(LoopMap(passage, self._entry(passage, lid)).exit_z_s[1]) / _SLOW_CELL
             lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
-        return self._entry(n, lid * self.factor)
+        return self._entry(passage, lid * self.lid_factor)
 
-    def _entry(self, n: Passage, lid: float) -> dict[str, Any]:
+    def _entry(self, passage: SaddlePassage, lid: float) -> dict[str, Any]:
         """Return the sizes of the sets D and Q of the proof, for a given height of D (the lid).
 
         The entry ``moment`` is the time that bounds the crossings of beta_bar = 0 best. ``gamma``
         and ``v`` are so large that Q holds these crossings.
         """
-        top, fast = ball(lid), ball(_FAST)
+        top, fast = ball(lid), ball(_ENTRY_FAST_EXTENT)
 
         def bound(moment: float) -> Any:
-            return n.crossing(top, fast, ball(moment))
+            return passage.crossing_bound(top, fast, ball(moment))
 
         low, high = 0.0, 1.0
-        for _ in range(_ROUNDS):  # the bound falls, and then grows
+        for _ in range(_SEARCH_ROUNDS):  # the bound falls, and then grows
             first, second = low + (high - low) / 3, high - (high - low) / 3
             low, high = (low, second) if bound(first) < bound(second) else (first, high)
-        c, d = (_decimal_above(bound(low) * n.at_crossing(row)) for row in (1, 2))
+        c, d = (_thousandths_above(bound(low) * passage.crossing_direction(row)) for row in (1, 2))
         return {
             "lid": top,
             "fast": fast,
-            "weight": ball(_WEIGHT),
+            "weight": ball(_FAST_WEIGHT),
             "moment": ball(low),
             "gamma": c,
             "v": d,
@@ -341,7 +355,7 @@ class _EndSearch(ChoiceSearch):
         The last step ends half a step after the orbit from the cell's middle has arrived.
         """
         low, high = float(self.low), float(self.high)
-        least, largest = map(float, loop_map.exits)
+        least, largest = map(float, loop_map.exit_z_s)
         rows, columns = (
             math.ceil((high - low) / _SPEED_CELL),
             math.ceil((largest - least) / _SLOW_CELL),
@@ -350,7 +364,9 @@ class _EndSearch(ChoiceSearch):
             begin + (end - begin) * (np.arange(number) + 0.5) / number
             for begin, end, number in ((low, high, rows), (least, largest, columns))
         )
-        times, _ = self._flown(loop_map.n, np.repeat(speeds, columns), np.tile(slow, rows))
+        times, _ = self._fly_in_doubles(
+            loop_map.passage, np.repeat(speeds, columns), np.tile(slow, rows)
+        )
         count = math.ceil(float(times.max()) / _MAX_STEP)
         lengths = np.round(times / (count - 0.5) * 2**30) / 2**30
         return {
@@ -358,7 +374,9 @@ class _EndSearch(ChoiceSearch):
             "lengths": [[arb(float(x)) for x in row] for row in lengths.reshape(rows, columns)],
         }
 
-    def _flown(self, n: Passage, speeds: Array, slow: Array) -> tuple[Array, Array]:
+    def _fly_in_doubles(
+        self, passage: SaddlePassage, speeds: Array, slow: Array
+    ) -> tuple[Array, Array]:
         """Estimate single flights from one saddle's section z_u = u to the other's z_s = -s, in
         doubles by Runge-Kutta's method. Return their times, and z_u on arrival.
 
@@ -369,23 +387,25 @@ class _EndSearch(ChoiceSearch):
         constants = self.connection.parameters.constants_in(DOUBLE)
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()])
-            for m in (n.saddle.directions, n.saddle.inverse)
+            for m in (passage.saddle.directions, passage.saddle.inverse)
         )
         rates = equations.vector_field(equations.shifted_ops(np), constants, speeds, "linear")
-        u, s, _ = map(float, n.extents)
+        u, s, _ = map(float, passage.extents)
         turn = np.array([[0.0], [math.pi], [0.0]])
         x = to_y @ np.array([np.full(len(slow), u), slow, 0 * slow]) - turn
         times, arrived = np.full(len(slow), math.nan), np.full(len(slow), math.nan)
         before = to_z @ (x - turn)
-        for k in range(_LONGEST):
+        for k in range(_MAX_FLIGHT_STEPS):
             k1 = np.array(rates(*x))
-            k2 = np.array(rates(*(x + _FLOWN / 2 * k1)))
-            k3 = np.array(rates(*(x + _FLOWN / 2 * k2)))
-            x = x + _FLOWN / 6 * (k1 + 2 * k2 + 2 * k3 + np.array(rates(*(x + _FLOWN * k3))))
+            k2 = np.array(rates(*(x + _FLIGHT_STEP / 2 * k1)))
+            k3 = np.array(rates(*(x + _FLIGHT_STEP / 2 * k2)))
+            x = x + _FLIGHT_STEP / 6 * (
+                k1 + 2 * k2 + 2 * k3 + np.array(rates(*(x + _FLIGHT_STEP * k3)))
+            )
             z = to_z @ (x - turn)
             passed = np.isnan(times) & (before[1] < -s) & (z[1] >= -s)
             share = ((-s - before[1]) / (z[1] - before[1]))[passed]
-            times[passed] = (k + share) * _FLOWN
+            times[passed] = (k + share) * _FLIGHT_STEP
             arrived[passed] = before[0][passed] + (z[0] - before[0])[passed] * share
             if not np.isnan(times).any():
                 return times, arrived
@@ -393,7 +413,7 @@ class _EndSearch(ChoiceSearch):
         raise Unproved("flight 1: it does not arrive")
 
 
-def _decimal_above(x: Any) -> Fraction:
+def _thousandths_above(x: Any) -> Fraction:
     """Return a multiple of 1/1000 above all numbers of the ball."""
     enclosure = ball_to_measured(x)
     return Fraction(math.floor((enclosure.value + enclosure.uncertainty) * 1000) + 1, 1000)

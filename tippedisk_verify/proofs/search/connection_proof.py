@@ -1,11 +1,11 @@
 """The search for the proof of Omega_h; the proof itself is in `kernel.certificates.connection`.
 
 An approximation is given, with a few more digits than the interval's length needs. The polynomials
-of the invariant curves solve the equation of invariance power by power. The other choices (cones,
-extents, the moment at which the flight ends) follow from the kernel's enclosures. The working
+of the invariant curves solve the equation of invariance power by power. The other evidence (cones,
+extents, the moment at which the flight ends) follows from the kernel's enclosures. The working
 precision is raised if the kernel refuses.
 
-Balls become points and floats everywhere: any choice that the kernel accepts is right.
+Balls become points and floats everywhere: any evidence that the kernel accepts is right.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates.connection import (
-    CHOICES,
     EIGENVALUES,
-    SIDES,
+    EVIDENCE_SHAPE,
+    OPPOSITE_SIDES_REFUSAL,
     EnclosedConnection,
-    one_speed_stays,
-    room_keeps_orbits,
+    arrival_box_contains_branch,
+    is_unique_connecting_speed,
     verify_connection,
 )
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
@@ -53,14 +53,14 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    abs_upper,
+    magnitude_bound,
     off_diagonal_sums,
-    show_departure,
+    show_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
-    ChoiceSearch,
+    EvidenceSearch,
     Proof,
     SearchStopped,
     certificate_claim,
@@ -70,12 +70,12 @@ from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 __all__ = [
     "MAX_DIGITS",
+    "ArrivalBox",
     "ConnectionStatus",
     "ProvedConnection",
-    "UniquenessBox",
     "eigenvectors",
+    "invariant_curve_series",
     "prove_connection",
-    "series_of_curve",
     "smallest_weights",
 ]
 
@@ -111,8 +111,8 @@ class ConnectionStatus(Enum):
     CONES = "the cone conditions at a saddle are not proved: ask for more digits"
 
 
-class UniquenessBox(NamedTuple):
-    """A box about the second saddle, given by its half-lengths.
+class ArrivalBox(NamedTuple):
+    """The box about the second saddle in which the branch arrives, given by its half-lengths.
 
     It consists of the states with |beta - pi/2| <= ``beta``, |gamma - 3 pi/2| <= ``gamma``, |v| <=
     ``v`` [rad, rad, rad/s].
@@ -150,16 +150,19 @@ class ProvedConnection(Printable, Proof):
     unique: bool = False  #: no second speed of I has a connection of this kind
     #: Unstable, slow stable, fast stable [1/s], for every speed of I
     saddle_eigenvalues: tuple[Measured, ...] = ()
-    room: UniquenessBox | None = None  #: the box in which the branch stays
-    upright: bool = False  #: |beta - pi/2| < pi/2 all along: the disk never lies flat
+    #: The box in which the branch stays, under its name in JSON
+    room: ArrivalBox | None = None
+    #: |beta - pi/2| < pi/2 all along: the disk never lies flat; the name is that in JSON
+    upright: bool = False
     bits: int = 0  #: working precision of the last pass
-    where: str = ""  #: the inequality that fails
-    slowly: bool = False  #: the connection comes in along the slow stable direction
+    outcome_detail: str = ""  #: the inequality that fails
+    #: The connection comes in along the slow stable direction
+    arrives_along_slow_direction: bool = False
     #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
-    turns_back: str = ""
+    gamma_falls_beyond: str = ""
     parameters: Parameters | None = None  #: the disk of the proof
     verified: EnclosedConnection | None = None  #: the kernel's result
-    #: The choices that the kernel has accepted
+    #: What the kernel has accepted
     evidence: Mapping[str, Any] = field(default_factory=dict)
 
     @property
@@ -204,20 +207,20 @@ class ProvedConnection(Printable, Proof):
         if not (
             self.proved
             and self.unique
-            and self.slowly
+            and self.arrives_along_slow_direction
             and value
             and value.value + value.uncertainty < 0
         ):
             return None
         if self.parameters is not None and self.parameters.law.two_sided:
             return None  # the theorem asks for a smoother field
-        other = "below" if self.turns_back == "above" else "above"
+        other = "below" if self.gamma_falls_beyond == "above" else "above"
         return (
             "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's "
             "theorem: with gamma "
             "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in "
             "which, for all speeds "
-            f"close enough to Omega_h, there is exactly one periodic orbit {self.turns_back} "
+            f"close enough to Omega_h, there is exactly one periodic orbit {self.gamma_falls_beyond} "
             f"Omega_h and none {other} "
             "it or at it; the orbit is asymptotically stable, the point symmetry maps it to "
             "itself, and its period "
@@ -243,18 +246,21 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
     """
     if not 1 <= digits <= MAX_DIGITS:
         raise InputError(f"a proof of Omega_h is offered to 1 to {MAX_DIGITS} digits, not {digits}")
-    given = exact(near)
-    if given.pi_multiple or not Fraction(1, 10**6) < given.rational < 10**6:
+    approximation = exact(near)
+    if approximation.pi_multiple or not Fraction(1, 10**6) < approximation.rational < 10**6:
         raise InputError(
             f"Omega_h must be a decimal between 1e-6 and 1e6 rad/s, not {str(near)[:40]}"
         )
     # Decimal ends, so that the printed interval is exactly the proved one.
     least = _MIN_DIGITS + parameters.law.two_sided
-    decimals = max(digits, least) + max(0, -decimal_magnitude(given.rational))
-    middle, half_width = round(given.rational, decimals + 2), Fraction(4, 10 ** (decimals + 1))
+    decimals = max(digits, least) + max(0, -decimal_magnitude(approximation.rational))
+    middle, half_width = (
+        round(approximation.rational, decimals + 2),
+        Fraction(4, 10 ** (decimals + 1)),
+    )
     bits = (
         math.ceil(-math.log2(half_width))
-        + max(0, math.ceil(math.log2(given.rational)))
+        + max(0, math.ceil(math.log2(approximation.rational)))
         + _GUARD_BITS
     )
     for attempt in range(_MAX_PASSES):
@@ -268,7 +274,9 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                     disk, parameters.law.name, (middle, half_width), search
                 )
         except Unproved as fault:
-            proof = ProvedConnection(search.stopped(fault), bits=bits, where=str(fault))
+            proof = ProvedConnection(
+                search.failure_status(fault), bits=bits, outcome_detail=str(fault)
+            )
             if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
@@ -278,14 +286,14 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                 omega_h=Measured(middle, half_width),
                 unique=verified.unique,
                 saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=UniquenessBox(*verified.room),
-                upright=verified.upright,
+                room=ArrivalBox(*verified.arrival_box),
+                upright=verified.never_flat,
                 bits=bits,
-                slowly=verified.slowly,
-                turns_back="above" if verified.above else "below",
+                arrives_along_slow_direction=verified.arrives_along_slow_direction,
+                gamma_falls_beyond="above" if verified.gamma_falls_above_omega_h else "below",
                 parameters=parameters,
                 verified=verified,
-                evidence={name: search.log[name] for name in CHOICES},
+                evidence={name: search.log[name] for name in EVIDENCE_SHAPE},
             )
     return proof
 
@@ -300,8 +308,10 @@ def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], An
     row are positive. Raises NoConnectionError unless the equilibrium is a saddle with one unstable
     and two real stable directions.
     """
-    found = exact_polynomial(parameters.rational_constants(), speed, NONINVERTED).complex_roots()
-    roots = [root for root, count in found if count == 1 and root.imag.is_zero()]
+    isolated_roots = exact_polynomial(
+        parameters.rational_constants(), speed, NONINVERTED
+    ).complex_roots()
+    roots = [root for root, count in isolated_roots if count == 1 and root.imag.is_zero()]
     if len(roots) != 3:
         raise NoConnectionError(
             "noninverted spinning is a saddle-focus here: its connections are not proved"
@@ -323,18 +333,20 @@ def smallest_weights(matrix: Any, by_speed: Sequence[Any]) -> list[Any]:
     """Return nearly the smallest weights with which the cone conditions hold for a matrix.
 
     With them, each row's off-diagonal terms and speed term amount to about half of its weighted
-    diagonal entry. The kernel tests them with `cones`.
+    diagonal entry. The kernel tests them with `cone_conditions`.
     """
-    weights = [abs_upper(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)]
+    weights = [
+        magnitude_bound(2 * part) / abs(matrix[k, k].mid()) for k, part in enumerate(by_speed)
+    ]
     for _ in range(_MAX_DOUBLINGS):
         rest = [
             x + abs(b) for x, b in zip(off_diagonal_sums(matrix, weights), by_speed, strict=True)
         ]
-        weights = [abs_upper(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
+        weights = [magnitude_bound(2 * x / abs(matrix[k, k].mid())) for k, x in enumerate(rest)]
     return weights
 
 
-def series_of_curve(
+def invariant_curve_series(
     saddle: SaddleCoordinates, along: int, order: int, values: Sequence[Any]
 ) -> ManifoldGraph:
     """Return the power series of an invariant curve of the saddle at the middle speed, as a
@@ -359,19 +371,19 @@ def series_of_curve(
     return curve
 
 
-class _ConnectionSearch(ChoiceSearch):
-    """The search for the choices with which the kernel proves one interval of Omega_h.
+class _ConnectionSearch(EvidenceSearch):
+    """The search for the evidence with which the kernel proves one interval of Omega_h.
 
     It belongs to one interval of speeds and one working precision.
     """
 
-    # The status of a failure, by the choice made last
+    # The status of a failure, by the evidence that was asked for last
     _STAGES: ClassVar = {
         "unstable": ConnectionStatus.UNSTABLE_BRANCH,
         "cone": ConnectionStatus.UNSTABLE_BRANCH,
         "drift": ConnectionStatus.CONES,
         "block": ConnectionStatus.BLOCK,
-        "room": ConnectionStatus.ROOM,
+        "arrival_box": ConnectionStatus.ROOM,
         "apart": ConnectionStatus.ROOM,
     }
 
@@ -386,9 +398,9 @@ class _ConnectionSearch(ChoiceSearch):
         super().__init__()
         self.parameters, self.middle, self.bits = parameters, middle, bits
         #: the flight ends when the fast coordinate is smaller
-        self.small = half_width * share
+        self.fast_tolerance = half_width * share
 
-    def stopped(self, fault: Unproved) -> ConnectionStatus:
+    def failure_status(self, fault: Unproved) -> ConnectionStatus:
         """Return the status that names the stage at which the proof of the connection failed.
 
         ``fault`` is the error by which the kernel or the search gave up.
@@ -397,8 +409,8 @@ class _ConnectionSearch(ChoiceSearch):
             return ConnectionStatus(fault.status)
         return (
             ConnectionStatus.SIDES
-            if str(fault) == SIDES
-            else self._STAGES.get(self.asked, ConnectionStatus.FLOW)
+            if str(fault) == OPPOSITE_SIDES_REFUSAL
+            else self._STAGES.get(self.latest_name, ConnectionStatus.FLOW)
         )
 
     def directions(self) -> list[list[Any]]:
@@ -415,30 +427,30 @@ class _ConnectionSearch(ChoiceSearch):
         return [(Fraction(value), Fraction(half)) for value, half in printed]
 
     def unstable(self, saddle: SaddleCoordinates) -> dict[str, Any]:
-        curve = series_of_curve(saddle, UNSTABLE, self.order, self.values)
-        return self._entry(curve) | {"reach": _share_of_reach(curve)}
+        curve = invariant_curve_series(saddle, UNSTABLE, self.order, self.values)
+        return self._graph_evidence(curve) | {"reach": _usable_length(curve)}
 
     def slow(self, saddle: SaddleCoordinates) -> dict[str, Any]:
-        curve = series_of_curve(saddle, SLOW, self.order, self.values)
+        curve = invariant_curve_series(saddle, SLOW, self.order, self.values)
         # Nearer than the series require: the cones there need orbits that differ along the unstable
         # direction. They hold in a box that is wider than N by the ratio of the eigenvectors'
         # components.
-        self.reach = _share_of_reach(curve) / 16
-        return self._entry(curve)
+        self.reach = _usable_length(curve) / 16
+        return self._graph_evidence(curve)
 
-    def _entry(self, curve: ManifoldGraph) -> dict[str, Any]:
+    def _graph_evidence(self, curve: ManifoldGraph) -> dict[str, Any]:
         return {"graph": curve.graph} | ({} if curve.side is None else {"side": str(curve.side)})
 
     def cone(self, curve: ManifoldGraph, theta: Any, defect: Sequence[Any]) -> list[Any]:
         gap = [self.values[UNSTABLE] - self.values[other] for other in curve.others]
-        least = max(map(abs_upper, defect), key=float)
+        least = max(map(magnitude_bound, defect), key=float)
         for doubling in range(_MAX_DOUBLINGS):
             k = [
-                abs_upper(2**doubling * 2 * (part + least / 16) / room).mid()
+                magnitude_bound(2**doubling * 2 * (part + least / 16) / room).mid()
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
-                show_departure(curve, theta, k, defect)
+                show_unstable_cone(curve, theta, k, defect)
             except Unproved:
                 continue
             break
@@ -456,47 +468,54 @@ class _ConnectionSearch(ChoiceSearch):
         if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
             raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
-            abs(z[SLOW]) < self.reach and abs(curve.straightened(z)[1].mid()) < ball(self.small)
+            abs(z[SLOW]) < self.reach
+            and abs(curve.offset_from_curve(z)[1].mid()) < ball(self.fast_tolerance)
         )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:
-        s, u, t = map(abs_upper, (z[SLOW], *curve.straightened(z)))
+        s, u, t = map(magnitude_bound, (z[SLOW], *curve.offset_from_curve(z)))
         # On the faces w_f = t the coupling from w_u, a hundredth of the contraction or less, must
         # not win.
         return [(s * 9 / 8).upper(), 2 * u, 2 * (t + u).upper()]
 
-    def room(
+    def arrival_box(
         self,
         offset: Sequence[Any],
-        pieces: Sequence[Any],
+        branch_boxes: Sequence[Any],
         saddle: SaddleCoordinates,
         G: Sequence[Any],
     ) -> tuple[Fraction, Fraction, Fraction]:
-        least = _decimal_above(offset[1])
+        least = _two_digits_above(offset[1])
         for gamma in (*(size for size in _BOX_EXTENTS if size > least), least):
-            after = [piece for piece in pieces if not piece[1] - arb.pi() < -ball(gamma)]
+            after = [piece for piece in branch_boxes if not piece[1] - arb.pi() < -ball(gamma)]
             beta, _, v = (
-                max(_decimal_above(state[k]) for state in (offset, *after)) for k in range(3)
+                max(_two_digits_above(state[k]) for state in (offset, *after)) for k in range(3)
             )
-            room = beta, gamma, v
+            arrival_box = beta, gamma, v
             try:
-                if room_keeps_orbits(room, offset, pieces) and one_speed_stays(
-                    saddle, room, G, lambda name, *context: self.apart(*context)
+                if arrival_box_contains_branch(
+                    arrival_box, offset, branch_boxes
+                ) and is_unique_connecting_speed(
+                    saddle, arrival_box, G, lambda name, *context: self.apart(*context)
                 ):
                     break
             except Unproved:
                 continue
-        return room
+        return arrival_box
 
     def apart(self, matrix: Any, by_speed: Sequence[Any], G: Sequence[Any]) -> list[Any]:
-        weights = [abs(G[UNSTABLE]).lower() * 7 / 8, abs_upper(G[SLOW]) * 2, abs_upper(G[FAST]) * 2]
+        weights = [
+            abs(G[UNSTABLE]).lower() * 7 / 8,
+            magnitude_bound(G[SLOW]) * 2,
+            magnitude_bound(G[FAST]) * 2,
+        ]
         # A weight may be larger than the difference needs; much smaller ones than the others'
         # coupling are not proved.
         least = smallest_weights(matrix, by_speed)
         return [weights[0].mid(), *(weights[k].max(2 * least[k]).mid() for k in (SLOW, FAST))]
 
 
-def _share_of_reach(curve: ManifoldGraph) -> Any:
+def _usable_length(curve: ManifoldGraph) -> Any:
     """Return the length up to which a curve's power series is used: a power of two, at most 1/4.
 
     It is near an eighth of the estimated radius of convergence.
@@ -506,7 +525,7 @@ def _share_of_reach(curve: ManifoldGraph) -> Any:
     return ball(Fraction(2) ** math.floor(math.log2(min([2.0, *rates]) / 8)))
 
 
-def _decimal_above(x: Any) -> Fraction:
+def _two_digits_above(x: Any) -> Fraction:
     """Return a decimal of two digits above all sizes in the ball."""
     enclosure = widened(ball_to_measured(abs(x)))
     return Fraction(round_up(enclosure.value + enclosure.uncertainty))

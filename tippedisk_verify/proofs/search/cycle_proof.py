@@ -1,4 +1,4 @@
-"""Proofs of limit cycles: the search for choices that the kernel's test
+"""Proofs of limit cycles: the search for evidence that the kernel's test
 (`kernel.certificates.cycle`) accepts.
 
 A guess is refined by Newton's iteration on midpoints. The precision and the box change until the
@@ -24,18 +24,18 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
-    return_map,
+    enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.kernel.step import magnitude
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
+from tippedisk_verify.proofs.kernel.step import log2_magnitude
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, SearchStopped, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
@@ -46,8 +46,8 @@ __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus",
 _GUARD_DIGITS = 6  # by these the box is smaller than the requested digits
 _GUARD_BITS = 40  # rounding over half a period costs about 10 of them
 _FIRST_BITS = 96
-_REMOTE_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
-_REMOTE_BOXES = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
+_WIDE_BOX_BITS = 64  # enough for the wide boxes, which bound the distance of the next fixed point
+_WIDE_BOX_EXPONENTS = (12, 16, 22, 30, 40)  # -log2 of their radii relative to the state
 _MAX_ITERATIONS = 25
 _MAX_ATTEMPTS = 6
 
@@ -80,11 +80,11 @@ class CycleProof(Proof):
     The numbers have the same names as in `cycles.limit_cycle.LimitCycle` and `RotatingCycle`.
     """
 
-    _printed: ClassVar = ("stable", "reversals", "unique_within")
+    _printed_claim_entries: ClassVar = ("stable", "reversals", "unique_within")
 
     section: PoincareSection
     status: CycleStatus
-    where: str  #: the place at which the proof ended
+    outcome_detail: str  #: the place at which the proof ended
     parameters: Parameters
     omega: Fraction  #: [rad/s], exact
     bits: int  #: working precision
@@ -96,7 +96,7 @@ class CycleProof(Proof):
     stable: bool | None = None
     #: Sign changes of the sliding velocity in a period, under the smooth law only
     reversals: int = 0
-    #: The choices that the kernel accepted
+    #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
@@ -107,8 +107,8 @@ class CycleProof(Proof):
         which the cycle is unique.
         """
         kind = next(kind for kind, section in cycle.KINDS.items() if section == self.section)
-        distances = zip(cycle.UNKNOWNS[self.section], self.unique_within, strict=True)
-        room = {name: _decimal_below(distance) for name, distance in distances}
+        distances = zip(cycle.COORDINATE_NAMES[self.section], self.unique_within, strict=True)
+        room = {name: _two_digits_below(distance) for name, distance in distances}
         sliding = {"reversals": self.reversals} if self.parameters.law.two_sided else {}
         return certificate_claim(
             kind,
@@ -121,7 +121,7 @@ class CycleProof(Proof):
         )
 
     @property
-    def asked(self) -> dict[str, object]:
+    def input_entries(self) -> dict[str, object]:
         return {"omega": Measured(self.omega, Fraction(0)).to_dict()}
 
     def lacking_bits(self, digits: int) -> int:
@@ -136,13 +136,13 @@ class CycleProof(Proof):
             if not value.is_finite():
                 return 64
             size = (
-                magnitude(value)
+                log2_magnitude(value)
                 if name in cycle.main_numbers(self.section)
-                else max(0, magnitude(value))
+                else max(0, log2_magnitude(value))
             )
             # 2^size may be twice the value, and 10^-digits is rounded: two bits for that.
             worst = max(
-                worst, magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10))
+                worst, log2_magnitude(value.rad()) - size + 2 + math.ceil(digits * math.log2(10))
             )
         return worst
 
@@ -159,7 +159,7 @@ class CycleProof(Proof):
         }
 
 
-def _decimal_below(x: Any) -> str:
+def _two_digits_below(x: Any) -> str:
     """Return a decimal of two digits below all numbers of the ball, with a relative margin of
     2^-20.
 
@@ -176,17 +176,17 @@ def prove_cycle(
     guess: Sequence[object],
     *,
     digits: int = 12,
-    most_bits: int = 20_000,
+    max_bits: int = 20_000,
     section: PoincareSection = LIBRATING_SECTION,
 ) -> CycleProof:
     """Prove the limit cycle near ``guess`` at ``omega`` [rad/s] and enclose its numbers.
 
     The guess is (gamma_bar, v) at beta = pi/2 or, with ``section`` `ROTATING_SECTION`, (beta_bar,
     v) at gamma = pi/2, of a few digits or more. Period, state and beta_max are enclosed to
-    ``digits`` significant digits, the others to about as many. ``most_bits`` bounds the working
+    ``digits`` significant digits, the others to about as many. ``max_bits`` bounds the working
     precision. Raises InputError for a guess or speed out of range. Any other failure is a status.
     """
-    attempt = CycleAttempt(parameters, checked_speed(omega), digits, most_bits, section)
+    attempt = CycleAttempt(parameters, checked_speed(omega), digits, max_bits, section)
     if len(guess) != 2:
         raise InputError(
             f"a guess has two components: {'gamma_bar' if section == LIBRATING_SECTION else 'beta_bar'} and v"
@@ -212,31 +212,31 @@ class CycleAttempt:
         parameters: Parameters,
         omega: Fraction,
         digits: int,
-        most_bits: int,
+        max_bits: int,
         section: PoincareSection,
     ) -> None:
-        self.parameters, self.omega, self.digits, self.most_bits = (
+        self.parameters, self.omega, self.digits, self.max_bits = (
             parameters,
             omega,
             digits,
-            most_bits,
+            max_bits,
         )
         self.section, self.setting = section, certificate_claim("", parameters, {}, omega=omega)
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
-        self.bits = min(most_bits, self.box_bits + _GUARD_BITS)
+        self.bits = min(max_bits, self.box_bits + _GUARD_BITS)
 
     def run(self, guess: Sequence[Any]) -> CycleProof:
-        middle = self.sharpened(guess)
+        middle = self.refined_guess(guess)
         for _ in range(_MAX_ATTEMPTS):
             with working_precision(self.bits):
-                at, drift = cycle.place(self.setting, middle)
-                fixed, evidence = self.tested(at, drift, self.box_bits)
-                if isinstance(fixed, SectionReturn):
-                    ended, more = _not_followed(fixed), 64
+                at, speed_deviation = cycle.box_centre(self.setting, middle)
+                fixed, evidence = self.test_box(at, speed_deviation, self.box_bits)
+                if isinstance(fixed, PoincareImage):
+                    ended, extra_bits = _not_followed(fixed), 64
                 elif not fixed.included:
-                    ended, more = (
+                    ended, extra_bits = (
                         SearchStopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
-                        _shortage(fixed, evidence),
+                        _lacking_bits(fixed, evidence),
                     )
                 else:
                     values = cycle.cycle_numbers(self.section, fixed)
@@ -249,45 +249,51 @@ class CycleAttempt:
                         self.bits,
                         values,
                         stable=cycle.stability(values),
-                        reversals=cycle.reversals(self.section, fixed),
+                        reversals=cycle.reversals_per_period(self.section, fixed),
                     )
                     lacking = proof.lacking_bits(self.digits)
                     if not lacking:
-                        return self.neighbourhood(proof, fixed, drift, evidence)
-                    ended, more = (
+                        return self.with_uniqueness_distances(
+                            proof, fixed, speed_deviation, evidence
+                        )
+                    ended, extra_bits = (
                         SearchStopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
                         lacking + 4,
                     )
-                    self.box_bits += more
-                if isinstance(fixed, FixedPoints) and all(part.is_finite() for part in fixed.image):
+                    self.box_bits += extra_bits
+                if isinstance(fixed, KrawczykResult) and all(
+                    part.is_finite() for part in fixed.image
+                ):
                     middle = [part.mid() for part in fixed.image[:2]]
-            if self.bits + more > self.most_bits:
+            if self.bits + extra_bits > self.max_bits:
                 raise ended
-            self.bits += more
+            self.bits += extra_bits
         raise ended
 
-    def tested(
+    def test_box(
         self,
         middle: Sequence[Any],
-        drift: Any,
+        speed_deviation: Any,
         size: int,
-        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
-    ) -> tuple[FixedPoints | SectionReturn, dict[str, Any]]:
+        centre: tuple[FlightStepSearch, PoincareImage] | None = None,
+    ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
         Args:
             middle: The box's centre: both coordinates on the section, and the speed.
-            drift: A ball of the speed's deviation from the centre.
+            speed_deviation: A ball of the speed's deviation from the centre.
             size: The exponent of the radii.
             centre: The flight from the centre, if it has already been computed.
 
         Returns:
             The test's result (or a flight that did not return to the section), and the evidence.
         """
-        sizes = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
-        return searched_test(self.setting, self.section, (0, 1), middle, sizes, drift, centre)
+        radii = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
+        return searched_test(
+            self.setting, self.section, (0, 1), middle, radii, speed_deviation, centre
+        )
 
-    def sharpened(self, guess: Sequence[Any]) -> list[Any]:
+    def refined_guess(self, guess: Sequence[Any]) -> list[Any]:
         """Refine a guess of a limit cycle by Newton's iteration on midpoints, until its distance
         from the cycle is less than the radius of the box to be tested.
         """
@@ -301,8 +307,8 @@ class CycleAttempt:
         correct, gain = 0, 0
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = return_map(
-                    model_of(self.parameters, ball(self.omega)),
+                flight = enclose_poincare_map(
+                    model_for_disk(self.parameters, ball(self.omega)),
                     self.section,
                     state,
                     FlightStepSearch(),
@@ -311,10 +317,10 @@ class CycleAttempt:
                 if flight.status is not FlowStatus.RETURNED:
                     raise _not_followed(flight)
                 if matrix is None:
-                    (a, b), (c, d) = flight.matrix
+                    (a, b), (c, d) = flight.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
-                step = product(
+                step = matrix_times_vector(
                     inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
                 )
                 if not all(part.is_finite() for part in step):
@@ -325,7 +331,9 @@ class CycleAttempt:
                 state = [(old - part).mid() for old, part in zip(state, step, strict=True)]
             if float(abs(state[0])) + float(abs(state[1])) / 10 < scale / 5:
                 raise SearchStopped(CycleStatus.TRIVIAL, "in Newton's iteration")
-            size = max(magnitude(part) for part in step) - max(magnitude(part) for part in state)
+            size = max(log2_magnitude(part) for part in step) - max(
+                log2_magnitude(part) for part in state
+            )
             previous, correct = correct, -size
             if correct < 20:  # far off: a fresh derivative for the next step
                 matrix, gain = None, 0
@@ -340,35 +348,40 @@ class CycleAttempt:
             CycleStatus.NOT_CONVERGED, f"after {_MAX_ITERATIONS} steps of Newton's iteration"
         )
 
-    def neighbourhood(
-        self, proof: CycleProof, fixed: FixedPoints, drift: Any, evidence: dict[str, Any]
+    def with_uniqueness_distances(
+        self,
+        proof: CycleProof,
+        fixed: KrawczykResult,
+        speed_deviation: Any,
+        evidence: dict[str, Any],
     ) -> CycleProof:
         """Return the proof of a cycle, completed by its evidence and a distance to any other cycle.
 
         Wider boxes than that of the proof are tested, the widest first. The first one that passes
         gives distances within which there is no second fixed point.
         """
-        with working_precision(_REMOTE_BITS):
-            for size in _REMOTE_BOXES:
+        with working_precision(_WIDE_BOX_BITS):
+            for size in _WIDE_BOX_EXPONENTS:
                 if size >= self.box_bits:
                     continue
-                remote, wide = self.tested(
-                    fixed.middle, drift, size, (evidence["centre"], fixed.centre)
+                wide_result, wide = self.test_box(
+                    fixed.middle, speed_deviation, size, (evidence["centre"], fixed.centre)
                 )
-                if isinstance(remote, FixedPoints) and remote.included:
-                    evidence["wide box"] = wide["box"] | {"bits": _REMOTE_BITS}
+                if isinstance(wide_result, KrawczykResult) and wide_result.included:
+                    evidence["wide box"] = wide["box"] | {"bits": _WIDE_BOX_BITS}
                     break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
 
 
-def _not_followed(flight: SectionReturn) -> SearchStopped:
+def _not_followed(flight: PoincareImage) -> SearchStopped:
     return SearchStopped(
-        CycleStatus.NOT_FOLLOWED, f"at t = {float(flight.reached):.4g} s: {flight.status.value}"
+        CycleStatus.NOT_FOLLOWED,
+        f"at t = {float(flight.time_reached):.4g} s: {flight.status.value}",
     )
 
 
-def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
+def _lacking_bits(fixed: KrawczykResult, evidence: Mapping[str, Any]) -> int:
     """Return the number of extra bits, at least 16, with which the next test of a box should
     compute.
 
@@ -378,4 +391,6 @@ def _shortage(fixed: FixedPoints, evidence: Mapping[str, Any]) -> int:
     if not all(part.is_finite() for part in fixed.residual):
         return 64
     pairs = zip(fixed.residual, evidence["box"]["radii"], strict=True)
-    return max(16, 8 + max(magnitude(part.rad()) - magnitude(size) for part, size in pairs))
+    return max(
+        16, 8 + max(log2_magnitude(part.rad()) - log2_magnitude(size) for part, size in pairs)
+    )

@@ -21,22 +21,22 @@ import numpy as np
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.closed_forms import hopf_balls
+from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
 from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     prove_connection_cycles,
 )
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
-from tippedisk_verify.proofs.search.curve_choices import Guess, prove_piece
-from tippedisk_verify.proofs.search.family_proof import FamilyProof, enclosed_omega_crit
+from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
     "HOPF_END",
+    "ApproximateCycle",
     "Interval",
-    "KnownCycle",
     "connected_pieces",
     "guess_at",
     "hopf_guess",
@@ -45,100 +45,103 @@ __all__ = [
 ]
 
 HOPF_END = Fraction(4, 5)  #: rad: the largest end of the piece at the Hopf point
-_LONGEST, _SHARE = (
+_MAX_INTERVAL_LENGTH, _INTERVAL_SHARE = (
     Fraction(3, 10),
     Fraction(1, 7),
 )  # length of an interval [rad], and relative to the distance of pi from its beginning
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
-_FINAL_FAILURES = (ArcStatus.RISING, ArcStatus.UNSTABLE)
+_FINAL_FAILURES = (ArcStatus.SPEED_GROWS, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
-_INTERVAL_LENGTHS = (
+_REACHES = (
     "0.008",
     "0.004",
     "0.002",
 )  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
 _OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
 # Known cycles; ratio of successive distances from Omega_h for the last ones
-_KNOWN, _NEARER = 60, Fraction(4, 5)
+_SPEED_COUNT, _DISTANCE_RATIO = 60, Fraction(4, 5)
 _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
 _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
-KnownCycle = tuple[Fraction, Fraction, Fraction, Fraction]
-Found = tuple[Piece | ArcStatus, "Interval"]
-Watch = Callable[[Piece | ArcStatus, "Interval"], None]
+ApproximateCycle = tuple[Fraction, Fraction, Fraction, Fraction]
+IntervalResult = tuple[Piece | ArcStatus, "Interval"]
+IntervalCallback = Callable[[Piece | ArcStatus, "Interval"], None]
 #: A maker of a pool of processes, for several intervals
-Pool = Callable[[bool], AbstractContextManager[Executor | None]]
+PoolMaker = Callable[[bool], AbstractContextManager[Executor | None]]
 
 
 def prove_family(
     parameters: Parameters,
-    connected_at: Callable[[int], Fraction | None],
-    librating_cycles_at: Callable[[list[Fraction] | None], list[KnownCycle]],
+    omega_h_at: Callable[[int], Fraction | None],
+    cycles_at: Callable[[list[Fraction] | None], list[ApproximateCycle]],
     until: Fraction | None = None,
-    pool: Pool = lambda several: nullcontext(),
-    stage: Callable[[str], None] = lambda name: None,
-    watch: Watch = lambda found, interval: None,
+    pool: PoolMaker = lambda several: nullcontext(),
+    on_stage: Callable[[str], None] = lambda name: None,
+    on_interval: IntervalCallback = lambda result, interval: None,
 ) -> FamilyProof:
     """Prove as much of the family of limit cycles as possible: up to the amplitude ``until`` [rad],
     or up to the connection.
 
     Args:
         parameters: The disk.
-        connected_at: Called with a number of digits; returns Omega_h [rad/s] or None.
-        librating_cycles_at: Called with speeds [rad/s], or with None for speeds of its choice;
-            returns cycles, which serve as guesses.
+        omega_h_at: Called with a number of digits; returns Omega_h [rad/s] or None.
+        cycles_at: Called with speeds [rad/s], or with None for speeds of its choice; returns
+            cycles, which serve as guesses.
         until: The amplitude at which to end [rad].
         pool: Called with True if there are several intervals; returns the executor's context.
-        stage: Called with the name of each stage.
-        watch: Called with each interval that is proved or given up, and the piece or the reason.
+        on_stage: Called with the name of each stage.
+        on_interval: Called with each interval that is proved or given up, and the piece or the
+            reason.
     """
     pieces: list[Piece] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ProvedConnection | None = None
     near: ConnectionCyclesProof | None = None
 
-    def keep(found: Piece | ArcStatus, interval: Interval) -> None:
-        if isinstance(found, Piece):
-            pieces.append(found)
-        watch(found, interval)
+    def keep_piece(result: Piece | ArcStatus, interval: Interval) -> None:
+        if isinstance(result, Piece):
+            pieces.append(result)
+        on_interval(result, interval)
 
     # Without the piece at the Hopf point the others are of no use.
-    stage("the Hopf point")
+    on_stage("the Hopf point")
     at_hopf = Interval(Fraction(0), min(wanted, HOPF_END))
-    stopped = prove_intervals(parameters, [at_hopf], [], watch=keep)
+    stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_piece)
     if connected_pieces(pieces):
-        stage("the connection")
+        on_stage("the connection")
         speeds: list[Fraction] | None = None
-        if (near_omega_h := connected_at(_CONNECTION_DIGITS + 5)) is not None:
+        if (near_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
             with suppress(AccuracyError):
                 connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
         if connection is not None and connection.omega_h is not None:
             speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
-        known = librating_cycles_at(speeds)
+        approximate_cycles = cycles_at(speeds)
         if until is None and connection is not None:
-            stage("the cycles next to the connection")
-            near = _next_to(connection)
-            wanted = _end_for(near, known) or wanted
+            on_stage("the cycles next to the connection")
+            near = _prove_cycles_next_to(connection)
+            wanted = _amplitude_near_connection(near, approximate_cycles) or wanted
         if stopped is None and (left := [*_subintervals(pieces[0].high, wanted)]):
-            stage("arcs")
+            on_stage("arcs")
             with pool(len(left) > 1) as executor:
-                stopped = prove_intervals(parameters, left, known, executor, keep)
+                stopped = prove_intervals(
+                    parameters, left, approximate_cycles, executor, keep_piece
+                )
     one_curve = connected_pieces(pieces)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
     return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
-def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
+def _prove_cycles_next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     """Prove the limit cycles next to a connection up to the largest distance from Omega_h that
     succeeds.
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
     end = None
-    for reach in _INTERVAL_LENGTHS if connection.proved else ():
+    for reach in _REACHES if connection.proved else ():
         with suppress(InputError):  # for a reach beyond Omega_crit
             end = prove_connection_cycles(connection, reach)
         if end is not None and end.proved:
@@ -146,20 +149,22 @@ def _next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
     return end
 
 
-def _end_for(
-    near: ConnectionCyclesProof | None, known_cycles: Sequence[KnownCycle]
+def _amplitude_near_connection(
+    near: ConnectionCyclesProof | None, approximate_cycles: Sequence[ApproximateCycle]
 ) -> Fraction | None:
     """Return an amplitude at which the family's pieces run into the proved cycles next to the
     connection.
 
-    Returns None if those cycles are not proved. ``known_cycles`` are approximate cycles of the
-    family.
+    Returns None if those cycles are not proved. ``approximate_cycles`` are approximate cycles of
+    the family.
     """
     if near is None or not near.proved or near.connection.omega_h is None:
         return None
     low = near.connection.omega_h.value
-    inside = [cycle for cycle in known_cycles if cycle[2] - low < _OVERLAP * (near.high - low)]
-    return round(min(inside, default=known_cycles[-1])[0], 4)
+    inside = [
+        cycle for cycle in approximate_cycles if cycle[2] - low < _OVERLAP * (near.high - low)
+    ]
+    return round(min(inside, default=approximate_cycles[-1])[0], 4)
 
 
 def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
@@ -167,12 +172,12 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
     They are chosen so that the cycles' amplitudes lie close together at both ends of the family.
     """
-    span = enclosed_omega_crit(parameters).value - omega_h
-    for k in range(_KNOWN // 10, _KNOWN - 1):
-        left = span * (1 - Fraction(k, _KNOWN) ** 2)
+    span = measured_omega_crit(parameters).value - omega_h
+    for k in range(_SPEED_COUNT // 10, _SPEED_COUNT - 1):
+        left = span * (1 - Fraction(k, _SPEED_COUNT) ** 2)
         yield omega_h + left
     while left > _MIN_DISTANCE:
-        left *= _NEARER
+        left *= _DISTANCE_RATIO
         yield omega_h + left
 
 
@@ -199,7 +204,9 @@ class Interval:
 def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
     """Yield the intervals, from ``low`` to ``high`` [rad], on which the family is to be proved."""
     while low < high:
-        length = min(_LONGEST, _SHARE * max(Fraction(22, 7) - low, Fraction(1, 500)))
+        length = min(
+            _MAX_INTERVAL_LENGTH, _INTERVAL_SHARE * max(Fraction(22, 7) - low, Fraction(1, 500))
+        )
         # Few digits, and no short last interval.
         until = round(low + length, 4)
         if until + length / 3 > high:
@@ -220,7 +227,7 @@ def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
     return curve
 
 
-def hopf_guess(parameters: Parameters) -> Guess:
+def hopf_guess(parameters: Parameters) -> CycleGuess:
     """Return a guess of the family's cycles next to the Hopf point: v_0 / gamma_bar_0, Omega and
     half the period of the linear flow at Omega_crit.
     """
@@ -233,11 +240,13 @@ def hopf_guess(parameters: Parameters) -> Guess:
         return first, second, third
 
 
-def guess_at(known_cycles: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
+def guess_at(approximate_cycles: Sequence[ApproximateCycle], amplitude: Fraction) -> CycleGuess:
     """Return v_0, Omega and half the period at an amplitude, interpolated between known cycles. No
     proof depends on it.
     """
-    nearest = sorted(known_cycles, key=lambda cycle: abs(cycle[0] - amplitude))[:_NEAREST_CYCLES]
+    nearest = sorted(approximate_cycles, key=lambda cycle: abs(cycle[0] - amplitude))[
+        :_NEAREST_CYCLES
+    ]
     off = [float(cycle[0] - amplitude) for cycle in nearest]
     values = [[float(number) for number in cycle[1:]] for cycle in nearest]
     first, second, third = map(
@@ -249,27 +258,27 @@ def guess_at(known_cycles: Sequence[KnownCycle], amplitude: Fraction) -> Guess:
 def prove_intervals(
     parameters: Parameters,
     intervals: Sequence[Interval],
-    known_cycles: Sequence[KnownCycle],
+    approximate_cycles: Sequence[ApproximateCycle],
     executor: Executor | None = None,
-    watch: Watch = lambda found, interval: None,
+    on_interval: IntervalCallback = lambda result, interval: None,
 ) -> ArcStatus | None:
     """Try to prove the family on some intervals of amplitudes, halving intervals that fail.
 
     Returns None if all are proved, otherwise the reason why the lowest failed one was given up.
 
-    ``known_cycles`` are approximate cycles, from which guesses are made. ``watch`` is called with
-    each interval that is proved or given up, and the piece or the reason.
+    ``approximate_cycles`` are approximate cycles, from which guesses are made. ``on_interval`` is
+    called with each interval that is proved or given up, and the piece or the reason.
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
-    jobs = _Jobs(parameters, known_cycles, executor, intervals)
-    for found, interval in jobs:
-        if isinstance(found, ArcStatus):
-            if found not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
+    jobs = _Jobs(parameters, approximate_cycles, executor, intervals)
+    for result, interval in jobs:
+        if isinstance(result, ArcStatus):
+            if result not in _FINAL_FAILURES and interval.halvings < _MAX_HALVINGS:
                 jobs.add(interval.halves())
                 continue
-            given_up.append((interval.low, found))
+            given_up.append((interval.low, result))
             jobs.cancel_from(interval.low)
-        watch(found, interval)
+        on_interval(result, interval)
     return min(given_up, key=lambda entry: entry[0])[1] if given_up else None
 
 
@@ -283,11 +292,15 @@ class _Jobs:
     def __init__(
         self,
         parameters: Parameters,
-        known_cycles: Sequence[KnownCycle],
+        approximate_cycles: Sequence[ApproximateCycle],
         executor: Executor | None,
         intervals: Iterable[Interval],
     ) -> None:
-        self.parameters, self.known, self.executor = parameters, known_cycles, executor
+        self.parameters, self.approximate_cycles, self.executor = (
+            parameters,
+            approximate_cycles,
+            executor,
+        )
         self.waiting: list[Interval] = []
         self.running: dict[Future[Piece | ArcStatus], Interval] = {}
         self.add(intervals)
@@ -296,7 +309,7 @@ class _Jobs:
         self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
         if self.executor is not None:
             for interval in self.waiting:
-                self.running[self.executor.submit(_attempt, *self._job(interval))] = interval
+                self.running[self.executor.submit(_prove_interval, *self._job(interval))] = interval
             self.waiting = []
 
     def cancel_from(self, low: Fraction) -> None:
@@ -309,21 +322,27 @@ class _Jobs:
         ]:
             del self.running[future]
 
-    def __iter__(self) -> Iterator[Found]:
+    def __iter__(self) -> Iterator[IntervalResult]:
         while self.waiting or self.running:
             if self.waiting:
                 interval = self.waiting.pop(0)
-                yield _attempt(*self._job(interval)), interval
+                yield _prove_interval(*self._job(interval)), interval
             else:
                 for future in wait(self.running, return_when=FIRST_COMPLETED).done:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
-    def _job(self, interval: Interval) -> tuple[Parameters, Interval, Guess]:
+    def _job(self, interval: Interval) -> tuple[Parameters, Interval, CycleGuess]:
         if not interval.low:
             return self.parameters, interval, hopf_guess(self.parameters)
-        return self.parameters, interval, guess_at(self.known, (interval.low + interval.high) / 2)
+        return (
+            self.parameters,
+            interval,
+            guess_at(self.approximate_cycles, (interval.low + interval.high) / 2),
+        )
 
 
-def _attempt(parameters: Parameters, interval: Interval, guess: Guess) -> Piece | ArcStatus:
+def _prove_interval(
+    parameters: Parameters, interval: Interval, guess: CycleGuess
+) -> Piece | ArcStatus:
     return prove_piece(parameters, interval.low, interval.high, guess)

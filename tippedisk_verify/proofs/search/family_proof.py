@@ -16,8 +16,8 @@ from typing import Any
 from tippedisk_verify.model.decimals import exact_text, round_down
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.proofs.closed_forms import check_linearization, hopf_balls
-from tippedisk_verify.proofs.kernel.balls import ball_constants, working_precision
+from tippedisk_verify.proofs.closed_forms import check_linearization, measured_omega_crit
+from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
@@ -26,15 +26,15 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     last_cycle,
     unique_within,
 )
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.search.arc_evidence import piece_entry
 from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
-from tippedisk_verify.proofs.search.curve_choices import piece_entry
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 
-__all__ = ["FamilyProof", "enclosed_omega_crit"]
+__all__ = ["FamilyProof"]
 
-_BITS, _CLAIM_BITS = 128, 160  # of Omega_crit, and for checking a claim with as many digits
+# For joining pieces, and for checking a claim about Omega_crit, which has as many digits
+_JOINING_BITS, _CLAIM_BITS = 128, 160
 _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
 
 
@@ -50,9 +50,9 @@ class FamilyProof(Proof):
     parameters: Parameters
     pieces: tuple[Piece, ...]
     #: The reason why the piece after the last one is not proved, if one was tried
-    stopped: ArcStatus | None = None
+    stop_reason: ArcStatus | None = None
     connection: ProvedConnection | None = None  #: Omega_h, if it is known
-    end: ConnectionCyclesProof | None = (
+    near_omega_h: ConnectionCyclesProof | None = (
         None  #: the cycles next to the connection, if they are proved
     )
 
@@ -64,23 +64,27 @@ class FamilyProof(Proof):
         Raises InputError for a disk without the closed forms' hypotheses.
         """
         check_linearization(self.parameters.rational_constants())
-        with working_precision(_BITS):
+        with working_precision(_JOINING_BITS):
             return not curve_fault(parameter_texts(self.parameters), self.pieces)
 
     @cached_property
-    def end_closed(self) -> bool:
+    def heteroclinic_closed(self) -> bool:
         """True if the last piece of the family runs into the limit cycles that are proved next to
         the heteroclinic connection.
         """
-        if self.end is None or not self.pieces or self.end.connection.parameters != self.parameters:
+        if (
+            self.near_omega_h is None
+            or not self.pieces
+            or self.near_omega_h.connection.parameters != self.parameters
+        ):
             return False
-        with working_precision(_BITS):
-            return self.end.meets(*last_cycle(self.pieces))
+        with working_precision(_JOINING_BITS):
+            return self.near_omega_h.contains_cycle(*last_cycle(self.pieces))
 
     @property
     def proved(self) -> bool:
         """True if the theorem is proved for all speeds between Omega_h and Omega_crit."""
-        return self.hopf_closed and self.end_closed
+        return self.hopf_closed and self.heteroclinic_closed
 
     @property
     def omega_end(self) -> Fraction | None:
@@ -112,7 +116,7 @@ class FamilyProof(Proof):
         if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
-        top, bottom = _least(enclosed_omega_crit(self.parameters)), _least(known)
+        top, bottom = _lower_end(measured_omega_crit(self.parameters)), _lower_end(known)
         unit = 10**_DECIMALS
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
@@ -127,7 +131,7 @@ class FamilyProof(Proof):
         claim = certificate_claim(
             "family of limit cycles",
             self.parameters,
-            {"omega_crit": enclosed_omega_crit(self.parameters)},
+            {"omega_crit": measured_omega_crit(self.parameters)},
             amplitude_first=self.pieces[0].high,
             amplitude_end=self.pieces[-1].high,
             omega_end=self.omega_end,
@@ -135,9 +139,9 @@ class FamilyProof(Proof):
                 zip(names, map(round_down, unique_within(self.pieces)), strict=True)
             ),
         )
-        if self.end is not None and self.end_closed:
-            claim["numbers"] |= (end := self.end.claim)["numbers"]
-            claim |= {name: end[name] for name in connection_cycles.CLAIM} | {
+        if self.near_omega_h is not None and self.heteroclinic_closed:
+            claim["numbers"] |= (end := self.near_omega_h.claim)["numbers"]
+            claim |= {name: end[name] for name in connection_cycles.CLAIM_SHAPE} | {
                 "kind": "whole family of limit cycles"
             }
         return claim
@@ -145,15 +149,15 @@ class FamilyProof(Proof):
     @property
     def bits(self) -> int:  # type: ignore[override]
         return (
-            max(_CLAIM_BITS, self.end.bits)
-            if self.end is not None and self.end_closed
+            max(_CLAIM_BITS, self.near_omega_h.bits)
+            if self.near_omega_h is not None and self.heteroclinic_closed
             else _CLAIM_BITS
         )
 
     @property
     def evidence(self) -> dict[str, Any]:
-        """The choices that the certificate records and the kernel has accepted: those of each arc,
-        and those of the cycles next to the connection if they are reached.
+        """What the certificate records and the kernel has accepted: the evidence of each arc,
+        and that of the cycles next to the connection if they are reached.
 
         It is empty if nothing is proved from the Hopf point on.
         """
@@ -161,7 +165,9 @@ class FamilyProof(Proof):
             return {}
         arcs = {"arcs": [piece.evidence for piece in self.pieces]}
         return arcs | (
-            {"end": self.end.evidence} if self.end is not None and self.end_closed else {}
+            {"end": self.near_omega_h.evidence}
+            if self.near_omega_h is not None and self.heteroclinic_closed
+            else {}
         )
 
     @property
@@ -171,10 +177,10 @@ class FamilyProof(Proof):
     @property
     def reason(self) -> str:
         """The reason why the proved curve of limit cycles does not go further, in words."""
-        if self.stopped is None:
+        if self.stop_reason is None:
             return "no more was asked for" if self.pieces else "nothing was tried"
         where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
-        return f"{where} {self.stopped.value}"
+        return f"{where} {self.stop_reason.value}"
 
     def to_dict(self) -> dict[str, object]:
         """Return this proof as a dictionary for the command line: its statement, numbers and arcs.
@@ -185,17 +191,17 @@ class FamilyProof(Proof):
         hopf, share = self.hopf_closed, self.covered
         ends: dict[str, dict[str, object]] = {
             "hopf": {"closed": hopf},
-            "heteroclinic": {"closed": self.end_closed},
+            "heteroclinic": {"closed": self.heteroclinic_closed},
         }
         if not hopf:
             ends["hopf"]["reason"] = self.reason
-        if not self.end_closed:
+        if not self.heteroclinic_closed:
             reason = "no proof of the cycles next to the connection reaches the curve's end"
-            if self.end is not None and not self.end.proved:
-                reason = self.end.statement
+            if self.near_omega_h is not None and not self.near_omega_h.proved:
+                reason = self.near_omega_h.statement
             ends["heteroclinic"]["reason"] = f"{reason}; {self.reason}"
-        elif self.end is not None:
-            entry = self.end.to_dict()
+        elif self.near_omega_h is not None:
+            entry = self.near_omega_h.to_dict()
             ends["heteroclinic"] |= {
                 name: entry[name] for name in ("from", "to", "gamma", "v", "numbers")
             }
@@ -205,7 +211,7 @@ class FamilyProof(Proof):
             "statement": self.statement,
             "ends": ends,
         }
-        entries["omega_crit"] = enclosed_omega_crit(self.parameters).to_dict()
+        entries["omega_crit"] = measured_omega_crit(self.parameters).to_dict()
         if (
             self.connection is not None
             and self.connection.omega_h is not None
@@ -221,11 +227,5 @@ class FamilyProof(Proof):
         return entries | {"arcs": arcs, "parameters": self.parameters.name}
 
 
-def enclosed_omega_crit(parameters: Parameters) -> Measured:
-    """Return an enclosure of Omega_crit [rad/s] as a `Measured` number."""
-    with working_precision(_BITS):
-        return ball_to_measured(hopf_balls(ball_constants(parameters))["omega_crit"])
-
-
-def _least(number: Measured) -> Fraction:
+def _lower_end(number: Measured) -> Fraction:
     return number.value - number.uncertainty

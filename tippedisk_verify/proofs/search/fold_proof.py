@@ -1,4 +1,4 @@
-"""Proofs of folds of limit cycles: the search for choices that the kernel
+"""Proofs of folds of limit cycles: the search for evidence that the kernel
 (`kernel.certificates.fold`) accepts.
 
 The arc is short, so the slope of the speed is small on all of it: the speed has about twice the
@@ -26,16 +26,16 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificates import fold
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, product
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
-    return_map,
+    enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
@@ -50,7 +50,7 @@ _FIRST_SLOPE = 8  # of v along the arc [1/s], at first
 # First radius of Omega's enclosure over the arc, in units of the squared half-length
 _FIRST_WIDTH = 2**26
 _INFLATIONS = 3
-_CHORDS = 12
+_MAX_CHORD_STEPS = 12
 
 
 @dataclass(frozen=True, repr=False)
@@ -60,22 +60,22 @@ class FoldProof(Proof):
     The cycles are librating (section `LIBRATING_SECTION`) or rotating (section `ROTATING_SECTION`).
     """
 
-    _printed: ClassVar = ("extremum",)
+    _printed_claim_entries: ClassVar = ("extremum",)
 
     section: PoincareSection
-    where: str  #: the reason for which the proof ended
+    outcome_detail: str  #: the reason for which the proof ended
     parameters: Parameters
     bits: int  #: working precision
     #: The extreme speed on the arc, omega [rad/s], the first coordinate on the section along the
     #: arc, v [rad/s] and the period [s]
     values: Mapping[str, Measured] = field(default_factory=dict)
     extremum: Literal["smallest", "largest"] | None = None  #: the kind of extremum
-    #: The choices that the kernel accepted
+    #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
     @property
     def status(self) -> None:
-        """None: a fold has no status, and ``where`` gives the reason of a failure."""
+        """None: a fold has no status, and ``outcome_detail`` gives the reason of a failure."""
 
     @property
     def proved(self) -> bool:
@@ -83,7 +83,7 @@ class FoldProof(Proof):
 
     @property
     def reason(self) -> str:
-        return self.where
+        return self.outcome_detail
 
     @property
     def claim(self) -> dict[str, Any]:
@@ -151,13 +151,13 @@ class _FoldAttempt:
         """
         p, *ends = fold.arc_balls(self.arc.value, self.arc.uncertainty)
         length = ball(self.arc.uncertainty)
-        whole = self.whole(p, length)
-        sizes = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
+        whole = self.test_arc(p, length)
+        radii = [(length / 2**20).mid(), (length**2 * 2**10).mid()]
         points = [
-            self.at_end(name, end, whole, sizes)
-            for name, end in zip(fold.POINTS[1:], ends, strict=True)
+            self.test_end(name, end, whole, radii)
+            for name, end in zip(fold.TEST_NAMES[1:], ends, strict=True)
         ]
-        extremum = fold.extremum(*map(fold.slope, points))
+        extremum = fold.extremum(*map(fold.speed_slope, points))
         if extremum is None:
             raise Unproved(
                 "Omega is not proved to rise at one end of the arc and to fall at the other"
@@ -176,84 +176,89 @@ class _FoldAttempt:
         )
         return extremum, values
 
-    def whole(self, arc: Any, length: Any) -> FixedPoints:
+    def test_arc(self, arc: Any, length: Any) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycles of all points of the arc, and return the passed
         test.
 
         The box is widened until it holds Krawczyk's image.
         """
-        m, sizes = (
+        m, radii = (
             [ball(part).mid() for part in self.near],
             [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()],
         )
         for _ in range(1 + _INFLATIONS):
-            fixed = self.test("arc", arc, m, sizes)
+            fixed = self.test_box("arc", arc, m, radii)
             if fixed.included:
                 return fixed
             if not all(part.is_finite() for part in fixed.image):
                 break
-            m, sizes = (
+            m, radii = (
                 [part.mid() for part in fixed.image[1:]],
                 [2 * part.rad() for part in fixed.image[1:]],
             )
         raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
 
-    def at_end(self, name: str, end: Any, whole: FixedPoints, sizes: Sequence[Any]) -> FixedPoints:
+    def test_end(
+        self, name: str, end: Any, whole: KrawczykResult, radii: Sequence[Any]
+    ) -> KrawczykResult:
         """Apply Krawczyk's test to the limit cycle at an end of the arc, and return the passed
         test.
 
         Chord steps first approximate that cycle.
         """
-        (f, *first), (g, *second) = whole.slopes
+        (f, *first), (g, *second) = whole.jacobian
         inverse, p = midpoint_inverse((first, second)), end.mid()
-        along, distance = product(inverse, (f, g)), p - whole.middle[0]  # -d(v, Omega)/dp
+        along, distance = (
+            matrix_times_vector(inverse, (f, g)),
+            p - whole.middle[0],
+        )  # -d(v, Omega)/dp
         m = [
             (part - slope * distance).mid()
             for part, slope in zip(whole.image[1:], along, strict=True)
         ]
-        for _ in range(_CHORDS):
+        for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
-            flight = return_map(
+            flight = enclose_poincare_map(
                 Model(ball_constants(self.parameters), m[1]), self.section, start, search
             )
             if flight.status is not FlowStatus.RETURNED:
                 raise _not_followed(flight)
-            steps = product(
+            steps = matrix_times_vector(
                 inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
             )
-            if all(abs(step) < size / 4 for step, size in zip(steps, sizes, strict=True)):
+            if all(abs(step) < size / 4 for step, size in zip(steps, radii, strict=True)):
                 break
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
         else:
             raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
-        fixed = self.test(name, end, m, sizes, (search, flight))
+        fixed = self.test_box(name, end, m, radii, (search, flight))
         require(
             fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box"
         )
         return fixed
 
-    def test(
+    def test_box(
         self,
         name: str,
         p: Any,
         m: Sequence[Any],
-        sizes: Sequence[Any],
-        centre: tuple[FlightStepSearch, SectionReturn] | None = None,
-    ) -> FixedPoints:
-        """Apply Krawczyk's test to a limit cycle in a box about a point, and store its choices as
+        radii: Sequence[Any],
+        centre: tuple[FlightStepSearch, PoincareImage] | None = None,
+    ) -> KrawczykResult:
+        """Apply Krawczyk's test to a limit cycle in a box about a point, and store the
         evidence.
         """
         setting, middle = certificate_claim("", self.parameters, {}), [p.mid(), *m]
         fixed, self.evidence[name] = searched_test(
-            setting, self.section, (1, 2), middle, sizes, p - p.mid(), centre
+            setting, self.section, (1, 2), middle, radii, p - p.mid(), centre
         )
-        if isinstance(fixed, SectionReturn):
+        if isinstance(fixed, PoincareImage):
             raise _not_followed(fixed)
         return fixed
 
 
-def _not_followed(flight: SectionReturn) -> Unproved:
+def _not_followed(flight: PoincareImage) -> Unproved:
     return Unproved(
-        f"on the arc, the orbit could not be followed beyond t = {float(flight.reached):.4g} s: "
+        f"on the arc, the orbit could not be followed beyond t = {float(flight.time_reached):.4g} s: "
         f"{flight.status.value}"
     )

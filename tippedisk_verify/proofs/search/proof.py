@@ -1,4 +1,4 @@
-"""The result of a search for a proof, and its certificate as a file: a claim, the choices with
+"""The result of a search for a proof, and its certificate as a file: a claim, the evidence with
 which the kernel proved it, and a digest.
 """
 
@@ -19,9 +19,9 @@ from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_tex
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
-__all__ = ["ChoiceSearch", "Proof", "SearchStopped", "certificate_claim", "parameter_texts"]
+__all__ = ["EvidenceSearch", "Proof", "SearchStopped", "certificate_claim", "parameter_texts"]
 
-_PRINTED = {"reversals": "sliding_reversals"}  # names that differ from those in the claim
+_PRINTED_NAMES = {"reversals": "sliding_reversals"}  # names that differ from those in the claim
 
 
 class SearchStopped(Unproved):
@@ -36,18 +36,18 @@ class Proof:
     """The result of a search for a proof, successful or not, with its statement and certificate.
 
     Each kind of proof provides its ``status``, the ``claim`` of its certificate, and the
-    ``evidence``, which are the choices that the kernel has accepted.
+    ``evidence`` that the kernel has accepted.
     """
 
     status: Any
-    where: Any  #: the place at which the proof ended
+    outcome_detail: Any  #: the place at which the proof ended
     parameters: Any
     bits: int  #: working precision
     claim: Any
     evidence: Any
 
     # Entries of the claim that are printed besides the numbers
-    _printed: ClassVar[tuple[str, ...]] = ()
+    _printed_claim_entries: ClassVar[tuple[str, ...]] = ()
 
     @property
     def proved(self) -> bool:
@@ -57,10 +57,10 @@ class Proof:
     def reason(self) -> str:
         """The reason why nothing is proved, in words."""
         reason = str(self.status.value)
-        return f"{reason} ({self.where})" if self.where else reason
+        return f"{reason} ({self.outcome_detail})" if self.outcome_detail else reason
 
     @property
-    def asked(self) -> dict[str, object]:
+    def input_entries(self) -> dict[str, object]:
         """The entries of `to_dict` that name what was to be proved, such as the speed of a cycle.
 
         They are printed after the statement. By default this is empty.
@@ -98,12 +98,17 @@ class Proof:
         """Return this proof as a dictionary for the command line: the statement and, if proved, the
         numbers.
         """
-        entries: dict[str, Any] = {"proved": self.proved, "statement": self.statement} | self.asked
+        entries: dict[str, Any] = {
+            "proved": self.proved,
+            "statement": self.statement,
+        } | self.input_entries
         if self.proved:
             claim = self.claim
             entries |= claim["numbers"]
             entries |= {
-                _PRINTED.get(name, name): claim[name] for name in self._printed if name in claim
+                _PRINTED_NAMES.get(name, name): claim[name]
+                for name in self._printed_claim_entries
+                if name in claim
             }
         entries |= {"parameters": self.parameters.name, "bits": self.bits}
         return entries | ({"status": self.status.name} if self.status else {})
@@ -136,25 +141,25 @@ def parameter_texts(parameters: Parameters) -> dict[str, str]:
     return {name: exact_text(getattr(parameters, name)) for name in SYMBOLS}
 
 
-class ChoiceSearch:
-    """A source of the choices that a verification in the kernel needs, such as weights and radii.
+class EvidenceSearch:
+    """A source of the evidence that a verification in the kernel needs, such as weights and radii.
 
-    It is called with the name of a choice and the values on which the choice may depend. Subclasses
-    have a method for each name. ``log`` contains the latest answers.
+    It is called with the name of a piece of evidence and the values on which it may depend.
+    Subclasses have a method for each name. ``log`` contains the latest answers.
     """
 
     def __init__(self) -> None:
         self.log: dict[str, Any] = {}
-        self.asked = ""  #: the latest name
+        self.latest_name = ""  #: of what the kernel asked for
 
     def __call__(self, name: str, *context: Any) -> Any:
-        self.asked = name
+        self.latest_name = name
         self.log[name] = getattr(self, name)(*context)
         return self.log[name]
 
 
 def _as_text(value: Any) -> Any:
-    """Convert the choices of a proof to their form in a certificate file.
+    """Convert the evidence of a proof to its form in a certificate file.
 
     Exact points and rational numbers become texts; lists and dictionaries are converted entry by
     entry.

@@ -17,21 +17,19 @@ from typing import Any
 
 from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
-from tippedisk_verify.proofs.kernel.half_map_of_curves import midpoint_inverse
-from tippedisk_verify.proofs.kernel.krawczyk import FixedPoints, krawczyk_test
-from tippedisk_verify.proofs.kernel.poincare_map import PoincareSection, SectionReturn
-from tippedisk_verify.proofs.kernel.proved_flow import Path, short_float
-from tippedisk_verify.proofs.kernel.sliding import Crossing
-from tippedisk_verify.proofs.kernel.step import Step, Trial, magnitude
+from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, krawczyk_test
+from tippedisk_verify.proofs.kernel.poincare_map import PoincareImage, PoincareSection
+from tippedisk_verify.proofs.kernel.proved_flow import Path, rounded_down_to_20_bits
+from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial, log2_magnitude
 
 __all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
-
-Matrix = Sequence[Sequence[Any]]
 
 _MIN_ORDER = 16  # of derivatives that only multiply radii
 # Over a wide box, the order of the series and the decay along v in a step. Balls add up
 # alternating terms, so enclosures of derivatives are exp(twice that decay) times too wide.
-_WIDE_ORDER, _DAMPED = 8, 0.5
+_WIDE_ORDER, _MAX_DECAY = 8, 0.5
 _MEAN_VALUE_TOLERANCE = -24  # log2 of their remainders: a radius is known to 30 bits anyway
 _MIN_STEP = 2.0**-40  # s
 _MAX_TRIALS = 40
@@ -48,68 +46,76 @@ class FlightStepSearch:
         # Share of the length that the midpoint's series allows; it adapts to accepted steps
         self._share = 0.75
 
-    def beyond(self) -> FlightStepSearch:
+    def after_reversal(self) -> FlightStepSearch:
         """Return a new search, for the part of a step after the sliding velocity has changed its
         sign.
 
-        The new search's log is not used: `step_taken` logs both parts of such a step in this
+        The new search's log is not used: `record_step` logs both parts of such a step in this
         object.
         """
         return FlightStepSearch()
 
-    def step(self, path: Path, longest: float | None) -> Step | None:
-        """Return a step of the path that the kernel's test proves, at most ``longest`` seconds
+    def next_step(self, path: Path, max_length: float | None) -> Step | None:
+        """Return a step of the path that the kernel's test proves, at most ``max_length`` seconds
         long.
 
         Its remainders are at most as large as rounding, or as a small share of the box. Returns
         None if no step passes.
         """
         try:
-            return self._trials(path, longest)
+            return self._trials(path, max_length)
         except OverflowError:
             return None
 
-    def _trials(self, path: Path, longest: float | None) -> Step | None:
-        """Try steps of falling length, at most ``longest`` seconds, and return the first one that
-        the kernel's test proves with small remainders. Return None if all fail.
+    def _trials(self, path: Path, max_length: float | None) -> Step | None:
+        """Try steps of falling length, at most ``max_length`` seconds, and return the first one
+        that the kernel's test proves with small remainders. Return None if all fail.
         """
         bits = working_bits()
-        order = _order(bits)
-        allowed, rough_allowed = _allowed(path, bits)
-        rough_order = min(order, _order(-rough_allowed, _WIDE_ORDER)) if path.sharp else _MIN_ORDER
-        trial = Trial(path, (order, rough_order))
+        order = _taylor_order(bits)
+        allowed, rough_allowed = _allowed_remainders(path, bits)
+        rough_order = (
+            min(order, _taylor_order(-rough_allowed, _WIDE_ORDER))
+            if path.carries_derivatives
+            else _MIN_ORDER
+        )
+        trial = StepTrial(path, (order, rough_order))
         if rough_order < order:
-            stiffness = float(abs(trial.wide[11][1]).abs_upper())
-            longest = min(
-                math.inf if longest is None else longest, short_float(_DAMPED / max(1.0, stiffness))
+            stiffness = float(abs(trial.box_series[11][1]).abs_upper())
+            max_length = min(
+                math.inf if max_length is None else max_length,
+                rounded_down_to_20_bits(_MAX_DECAY / max(1.0, stiffness)),
             )
-        sizes = [max(0, magnitude(column[0])) for column in trial.wide[3:]]
-        reach, share = _length(trial.thin, allowed), self._share
+        sizes = [max(0, log2_magnitude(column[0])) for column in trial.box_series[3:]]
+        reach, share = _estimated_length(trial.midpoint_series, allowed), self._share
         for _ in range(_MAX_TRIALS):
-            length = short_float(min(reach * share, longest if longest is not None else math.inf))
+            length = rounded_down_to_20_bits(
+                min(reach * share, max_length if max_length is not None else math.inf)
+            )
             if length < _MIN_STEP:
                 return None
-            step = trial.tested(length)
+            step = trial.tested_step(length)
             fine, rough = (
-                [series[-1] for series in part] for part in (step.polynomials, step.derivatives)
+                [series[-1] for series in part]
+                for part in (step.polynomials, step.derivative_polynomials)
             )
             if not all(part.is_finite() for part in (*fine, *rough)):
                 share *= 0.5
                 continue
             excess = max(
-                _excess(fine, [0, 0, 0], allowed, length, order + 1),
-                _excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
+                _length_excess(fine, [0, 0, 0], allowed, length, order + 1),
+                _length_excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
             better = length / reach * 2.0 ** min(1.0, -excess)
             if step.included and excess <= 0:
                 # A shortened step gives no information about the next length.
-                if longest is None or length < longest:
+                if max_length is None or length < max_length:
                     self._share = 0.97 * better
                 return step
             share = min(0.97 * better, 0.9 * length / reach)
         return None
 
-    def axes(self, moved_axes: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
+    def new_axes(self, moved_axes: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
         """Return new axes for the box of a set of states, by `axes_of_balls`.
 
         They are rounded to a few bits, which keeps the log short.
@@ -119,8 +125,12 @@ class FlightStepSearch:
             for row in axes_of_balls(moved_axes, sizes, stiffness)
         ]
 
-    def step_taken(self, step: Step, axes: Matrix) -> None:
-        parts = [step.first, step.second] if isinstance(step, Crossing) else [step]
+    def record_step(self, step: Step, axes: Matrix) -> None:
+        parts = (
+            [step.step_before_reversal, step.step_after_reversal]
+            if isinstance(step, SlidingReversalStep)
+            else [step]
+        )
         self.log.append(
             {
                 "steps": [[dyadic_text(part.length), *part.orders] for part in parts],
@@ -129,25 +139,25 @@ class FlightStepSearch:
         )
 
 
-def _allowed(path: Path, bits: int) -> tuple[list[int], int]:
+def _allowed_remainders(path: Path, bits: int) -> tuple[list[int], int]:
     """Return log2 of the largest remainders that a step may have: a list for the state's
     components, and one number for the derivatives.
     """
     # As large as rounding, or a hundredth of the ball's radius: 70 steps at most double it.
     allowed = [
         max(
-            max(0, magnitude(part)) - bits,
-            magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
+            max(0, log2_magnitude(part)) - bits,
+            log2_magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
         )
         for part in path.box
     ]
-    if not path.sharp:
+    if not path.carries_derivatives:
         return allowed, _MEAN_VALUE_TOLERANCE
     # The derivatives differ over the box by about its radius.
-    return allowed, max(-bits, max(magnitude(part.rad()) for part in path.box) - 7)
+    return allowed, max(-bits, max(log2_magnitude(part.rad()) for part in path.box) - 7)
 
 
-def _order(bits: int, least: int = _MIN_ORDER) -> int:
+def _taylor_order(bits: int, least: int = _MIN_ORDER) -> int:
     """Return a good order for the Taylor series of a step: 0.3 times the precision in bits.
 
     The optimum is flat near this order. The cost grows like the square of the order, and the step's
@@ -156,7 +166,7 @@ def _order(bits: int, least: int = _MIN_ORDER) -> int:
     return max(least, round(0.3 * bits))
 
 
-def _excess(
+def _length_excess(
     remainders: Sequence[Any],
     sizes: Sequence[int],
     allowed: Sequence[int],
@@ -177,14 +187,14 @@ def _excess(
     size = math.log2(length)
     return (
         max(
-            magnitude(r) + power * size - s - a
+            log2_magnitude(r) + power * size - s - a
             for r, s, a in zip(remainders, sizes, allowed, strict=True)
         )
         / power
     )
 
 
-def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
+def _estimated_length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     """Estimate the longest step [s], at most 1 s, for which the last two terms of a Taylor series
     stay within bounds.
 
@@ -196,7 +206,7 @@ def _length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -> float:
     """
     order = len(series[0]) - 1
     exponents = (
-        (limit - magnitude(column[n])) / n
+        (limit - log2_magnitude(column[n])) / n
         for column, limit in zip(series, allowed, strict=True)
         for n in (order - 1, order)
     )
@@ -211,39 +221,51 @@ def _rounded_centre(point: Any) -> Any:
 def searched_test(
     setting: Mapping[str, Any],
     section: PoincareSection,
-    unknown: tuple[int, int],
+    unknown_indices: tuple[int, int],
     middle: Sequence[Any],
-    sizes: Sequence[Any],
-    moved: Any,
-    centre: tuple[FlightStepSearch, SectionReturn] | None = None,
-) -> tuple[FixedPoints | SectionReturn, dict[str, Any]]:
+    radii: Sequence[Any],
+    third_deviation: Any,
+    centre: tuple[FlightStepSearch, PoincareImage] | None = None,
+) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
     evidence.
 
     Args:
         setting: The disk and the friction law.
         section: The section whose map is tested for a fixed point.
-        unknown: The indices of the two unknown numbers among the three (both coordinates, Omega).
+        unknown_indices: The indices of the two unknown numbers among the three (both coordinates,
+            Omega).
         middle: The box's centre, three exact numbers.
-        sizes: The radii of the box for the two unknown numbers.
-        moved: A ball about zero, the deviation of the third number.
+        radii: The radii of the box for the two unknown numbers.
+        third_deviation: A ball about zero, the deviation of the third number.
         centre: The search and the flight from the centre, if they have already been computed.
     """
-    way, flight = (FlightStepSearch(), None) if centre is None else centre
-    over = FlightStepSearch()
-    chosen: list[Sequence[Any]] = []
+    centre_search, flight = (FlightStepSearch(), None) if centre is None else centre
+    box_search = FlightStepSearch()
+    preconditioner: list[Sequence[Any]] = []
 
     def inverse(matrix: Matrix) -> Matrix:
-        chosen[:] = midpoint_inverse(matrix)
-        return chosen
+        preconditioner[:] = midpoint_inverse(matrix)
+        return preconditioner
 
-    deviations = [arb(0, size) for size in sizes]
-    deviations.insert({0, 1, 2}.difference(unknown).pop(), moved)
+    deviations = [arb(0, size) for size in radii]
+    deviations.insert({0, 1, 2}.difference(unknown_indices).pop(), third_deviation)
     fixed = krawczyk_test(
-        setting, section, middle, deviations, unknown, (way, over), inverse, flight
+        setting,
+        section,
+        middle,
+        deviations,
+        unknown_indices,
+        (centre_search, box_search),
+        inverse,
+        flight,
     )
-    box = {"radii": sizes, "inverse": chosen, "flight": over}
-    return fixed, {"middle": [middle[k] for k in unknown], "centre": way, "box": box}
+    box = {"radii": radii, "inverse": preconditioner, "flight": box_search}
+    return fixed, {
+        "middle": [middle[k] for k in unknown_indices],
+        "centre": centre_search,
+        "box": box,
+    }
 
 
 def axes_of_balls(moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:

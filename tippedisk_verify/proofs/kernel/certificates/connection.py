@@ -19,8 +19,9 @@ z_u measured from the curve of the slow stable manifold.
 (`saddle.show_isolating_block`). At one end of
    I w_u < -delta, at the other end w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle. On this box the
-   inequalities of the cones are shown (`saddle.cones`).
-5. *The box of the statement*, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d, contains N. It
+   inequalities of the cones are shown (`saddle.cone_conditions`).
+5. *The arrival box*, the box of the statement, |beta_bar| <= b, |gamma_bar - pi| <= c, |v| <= d,
+contains N. It
    also contains the branch from its first arrival at gamma_bar = pi - c until the flight's end,
    while gamma grows.
 
@@ -38,31 +39,36 @@ from typing import Any
 from flint import arb, arb_mat
 
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, positive, require
-from tippedisk_verify.proofs.kernel.certificate_format import MEASURED, decimal, dyadic, one_of
+from tippedisk_verify.proofs.kernel.certificate_format import (
+    NUMBER_SHAPE,
+    one_of,
+    read_decimal,
+    read_dyadic,
+)
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     ManifoldGraph,
     SaddleCoordinates,
-    abs_upper,
-    cones,
+    cone_conditions,
+    magnitude_bound,
     require_positive,
-    show_departure,
     show_isolating_block,
+    show_unstable_cone,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT, StepReplay
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [
-    "CHOICES",
     "EIGENVALUES",
+    "EVIDENCE_SHAPE",
+    "OPPOSITE_SIDES_REFUSAL",
     "SHAPES",
-    "SIDES",
     "EnclosedConnection",
-    "one_speed_stays",
-    "recorded_choices",
-    "room_keeps_orbits",
+    "arrival_box_contains_branch",
+    "is_unique_connecting_speed",
+    "recorded_evidence",
     "sentence",
     "verify",
     "verify_connection",
@@ -71,22 +77,22 @@ __all__ = [
 #: The names of the eigenvalues, by descending value.
 EIGENVALUES = ("lambda_u", "lambda_s", "lambda_ss")
 #: The refusal if the interval may hold no connection.
-SIDES = "6.3: the ends of the interval are not shown to pass on opposite sides"
+OPPOSITE_SIDES_REFUSAL = "6.3: the ends of the interval are not shown to pass on opposite sides"
 
-_PIECES = 8  # of a step, for properties all along it
+_BOXES_PER_STEP = 8  # of a step, for properties all along it
 _BELOW_HALF_PI = Fraction("1.5707")
 
-_CURVE = {"graph": [[dyadic, None], 2], "side?": one_of("1", "-1")}
-#: The choices. The speeds, the box of the statement and the eigenvalues are the claim's.
-CHOICES = {
-    "directions": [[dyadic, 3], 3],
-    "unstable": {**_CURVE, "reach": dyadic},
-    "cone": [dyadic, 2],
-    "slow": _CURVE,
-    "drift": [dyadic, 3],
-    "flight": FLIGHT,
-    "block": [dyadic, 3],
-    "apart": [dyadic, 3],
+_GRAPH_SHAPE = {"graph": [[read_dyadic, None], 2], "side?": one_of("1", "-1")}
+#: The evidence. The speeds, the box of the statement and the eigenvalues are the claim's.
+EVIDENCE_SHAPE = {
+    "directions": [[read_dyadic, 3], 3],
+    "unstable": {**_GRAPH_SHAPE, "reach": read_dyadic},
+    "cone": [read_dyadic, 2],
+    "slow": _GRAPH_SHAPE,
+    "drift": [read_dyadic, 3],
+    "flight": FLIGHT_SHAPE,
+    "block": [read_dyadic, 3],
+    "apart": [read_dyadic, 3],
 }
 
 
@@ -100,19 +106,21 @@ class EnclosedConnection:
     friction: str
     low: Fraction  #: [rad/s]
     high: Fraction
-    room: tuple[Fraction, Fraction, Fraction]  #: b [rad], c [rad], d [rad/s]
+    arrival_box: tuple[Fraction, Fraction, Fraction]  #: b [rad], c [rad], d [rad/s]
     unique: bool
-    upright: bool  #: |beta_bar| < pi/2 all along
-    slowly: bool  #: the connection comes in along the slow stable direction
-    above: bool  #: the branch leaves N with falling gamma above Omega_h in I, not below it
-    pieces: list[Any]  #: boxes of states along the branch, in order of time
+    never_flat: bool  #: |beta_bar| < pi/2 all along
+    #: The connection comes in along the slow stable direction
+    arrives_along_slow_direction: bool
+    #: The branch leaves N with falling gamma above Omega_h in I, not below it
+    gamma_falls_above_omega_h: bool
+    branch_boxes: list[Any]  #: boxes of states along the branch, in order of time
 
 
 def verify_connection(
     disk: dict[str, str],
     friction: str,
     omega_h: tuple[Fraction, Fraction],
-    choose: Callable[..., Any],
+    evidence_source: Callable[..., Any],
 ) -> EnclosedConnection:
     """Show that an interval of speeds contains one at which a heteroclinic orbit connects the
     saddles.
@@ -121,8 +129,9 @@ def verify_connection(
         disk: The eight exact numbers of the disk.
         friction: The name of the friction law.
         omega_h: The interval's middle and half-width [rad/s].
-        choose: Returns the choice of a given name: those of `CHOICES`, "room", "eigenvalues", and
-            "arrived", which ends the flight. Further arguments are values on which it may depend.
+        evidence_source: Returns the evidence of a given name: those of `EVIDENCE_SHAPE`,
+            "arrival_box", "eigenvalues", and "arrived", which ends the flight. Further
+            arguments are values on which it may depend.
 
     Returns:
         The interval with its proved properties.
@@ -130,29 +139,31 @@ def verify_connection(
     Raises:
         Unproved: With the inequality that fails.
     """
-    middle, half = omega_h
-    require(0 < half < middle, "claim: the interval of speeds is empty, or not above zero")
-    low, high = middle - half, middle + half
-    speeds = ball(middle) + arb(0, ball(half).upper())
-    saddle = SaddleCoordinates(disk, friction, speeds, choose("directions"))
-    _eigenvalues(saddle, choose("eigenvalues", saddle))
-    start, change, upright, whole = _departure(saddle, choose)
-    arriving = _curve(saddle, SLOW, choose("slow", saddle))
-    path, pieces = saddle.path(start, choose("flight")), [whole]
+    middle, half_width = omega_h
+    require(0 < half_width < middle, "claim: the interval of speeds is empty, or not above zero")
+    low, high = middle - half_width, middle + half_width
+    speeds = ball(middle) + arb(0, ball(half_width).upper())
+    saddle = SaddleCoordinates(disk, friction, speeds, evidence_source("directions"))
+    _require_eigenvalues(saddle, evidence_source("eigenvalues", saddle))
+    start, change, never_flat, whole = _enclose_unstable_branch(saddle, evidence_source)
+    arriving = _manifold_graph(saddle, SLOW, evidence_source("slow", saddle))
+    path, branch_boxes = saddle.path(start, evidence_source("flight")), [whole]
     while True:
         step = path.step()
         if step is None:
             raise Unproved("6.2: the flight between the saddles could not be enclosed")
-        pieces += _parts(step)
-        upright = upright and _keeps_standing(step.enclosure[0])
-        path.take(step)
-        z = saddle.enclosed_coordinates(path.frame)
-        if choose("arrived", path, z, arriving):
+        branch_boxes += _boxes_along_step(step)
+        never_flat = never_flat and _is_never_flat(step.enclosure[0])
+        path.take_step(step)
+        z = saddle.enclosed_coordinates(path.state_set)
+        if evidence_source("arrived", path, z, arriving):
             break
-    G = saddle.coordinates([sum(row[k] * x for k, x in enumerate(change)) for row in path.matrix])
-    extents = choose("block", z, arriving)
+    G = saddle.coordinates(
+        [sum(row[k] * x for k, x in enumerate(change)) for row in path.derivatives]
+    )
+    extents = evidence_source("block", z, arriving)
     delta, box, matrix = show_isolating_block(arriving, extents)
-    w_u, w_f = arriving.straightened(z)
+    w_u, w_f = arriving.offset_from_curve(z)
     require_positive(
         "6.3: arrivals lie in the block",
         *(x - abs(y) for x, y in zip(extents, (z[SLOW], w_u, w_f), strict=True)),
@@ -160,35 +171,35 @@ def verify_connection(
     # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
     ends = [
-        saddle.enclosed_coordinates(path.frame, [*path.frame.deviation[:3], shift])
+        saddle.enclosed_coordinates(path.state_set, [*path.state_set.deviation[:3], shift])
         for shift in shifts
     ]
-    first, last = (arriving.straightened(end)[0] for end in ends)
+    first, last = (arriving.offset_from_curve(end)[0] for end in ends)
     rising = _all_positive(-first - delta, last - delta)
-    require(rising or _all_positive(first - delta, -last - delta), SIDES)
+    require(rising or _all_positive(first - delta, -last - delta), OPPOSITE_SIDES_REFUSAL)
     offset = saddle.offset(box)
-    room = choose("room", offset, pieces, saddle, G)
+    arrival_box = evidence_source("arrival_box", offset, branch_boxes, saddle, G)
     require(
-        room_keeps_orbits(room, offset, pieces),
+        arrival_box_contains_branch(arrival_box, offset, branch_boxes),
         "6.3: the box at the second saddle is not shown to keep what arrives",
     )
-    unique = one_speed_stays(saddle, room, G, choose)
-    upright = upright and _keeps_standing(ball(room[0]))
+    unique = is_unique_connecting_speed(saddle, arrival_box, G, evidence_source)
+    never_flat = never_flat and _is_never_flat(ball(arrival_box[0]))
     return EnclosedConnection(
         disk,
         friction,
         low,
         high,
-        room,
+        arrival_box,
         unique,
-        upright,
-        _converges_slowly(matrix, z),
+        never_flat,
+        _converges_along_slow_direction(matrix, z),
         not rising,
-        pieces,
+        branch_boxes,
     )
 
 
-def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
+def _manifold_graph(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> ManifoldGraph:
     require(
         ("side" in entry) == saddle.two_sided,
         "6.5: the smooth law has sides, the linear law does not",
@@ -198,32 +209,32 @@ def _curve(saddle: SaddleCoordinates, along: int, entry: dict[str, Any]) -> Mani
     )
 
 
-def _departure(
-    saddle: SaddleCoordinates, choose: Callable[..., Any]
+def _enclose_unstable_branch(
+    saddle: SaddleCoordinates, evidence_source: Callable[..., Any]
 ) -> tuple[list[Any], list[Any], bool, list[Any]]:
     """Enclose the unstable manifold of the first saddle up to z_u = theta_0, at all speeds.
 
-    ``choose`` returns the curve with theta_0, and the weights of the cones. Raises Unproved if a
-    cone is not shown.
+    ``evidence_source`` returns the curve with theta_0, and the weights of the cones. Raises
+    Unproved if a cone is not shown.
 
     Returns:
         A box of z at theta_0; an enclosure of d(z, speed)/d(speed) there; True if the disk is
         shown to stay upright up to there; a box of states that holds the branch.
     """
-    entry = choose("unstable", saddle)
-    curve, theta = _curve(saddle, UNSTABLE, entry), entry["reach"]
+    entry = evidence_source("unstable", saddle)
+    curve, theta = _manifold_graph(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
-    cone = choose("cone", curve, theta, defect)
-    start, whole, matrix = show_departure(curve, theta, cone, defect)
-    by_speed = saddle.field(whole, curve.side)[2]
-    _, k_s, k_f = weights = choose("drift", matrix, by_speed)
+    cone = evidence_source("cone", curve, theta, defect)
+    start, whole, matrix = show_unstable_cone(curve, theta, cone, defect)
+    by_speed = saddle.rates_and_derivatives(whole, curve.side)[2]
+    _, k_s, k_f = weights = evidence_source("drift", matrix, by_speed)
     require_positive(
-        "6.4: the cones at the first saddle", *weights, *cones(matrix, weights, by_speed)
+        "6.4: the cones at the first saddle", *weights, *cone_conditions(matrix, weights, by_speed)
     )
     offset = saddle.offset(whole)
     # All along the cone the offset from the saddle is z_u times one of these directions.
-    rows, slopes = saddle.directions.tolist(), curve.slope_over(arb(0).union(theta))
-    directions = [slope + arb(0, abs_upper(k)) for slope, k in zip(slopes, cone, strict=True)]
+    rows, slopes = saddle.directions.tolist(), curve.secant_slopes(arb(0).union(theta))
+    directions = [slope + arb(0, magnitude_bound(k)) for slope, k in zip(slopes, cone, strict=True)]
     for row in rows[:2]:  # where beta_bar > 0, gamma grows
         along = zip(curve.others, directions, strict=True)
         require_positive(
@@ -233,8 +244,8 @@ def _departure(
     state = [offset[0], offset[1] - arb.pi(), offset[2]]
     return (
         start,
-        [arb(0), arb(0, abs_upper(k_s)), arb(0, abs_upper(k_f)), arb(1)],
-        _keeps_standing(offset[0]),
+        [arb(0), arb(0, magnitude_bound(k_s)), arb(0, magnitude_bound(k_f)), arb(1)],
+        _is_never_flat(offset[0]),
         state,
     )
 
@@ -243,33 +254,35 @@ def _all_positive(*balls: Any) -> bool:
     return all(positive(x) for x in balls)
 
 
-def _keeps_standing(beta: Any) -> bool:
+def _is_never_flat(beta: Any) -> bool:
     return _all_positive(ball(_BELOW_HALF_PI) - abs(beta))
 
 
-def _parts(step: Step) -> list[Any]:
+def _boxes_along_step(step: Step) -> list[Any]:
     """Divide a step of a flight into parts of equal duration, and return a box of states for each.
 
     The boxes of (beta_bar, gamma_bar, v) are in order of time. Each one contains all orbits of the
     flight during its part.
     """
-    share = arb(step.length) / (2 * _PIECES)
-    return [step.at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_PIECES)]
+    share = arb(step.length) / (2 * _BOXES_PER_STEP)
+    return [
+        step.states_at((2 * k + 1) * share + arb(0, share.upper())) for k in range(_BOXES_PER_STEP)
+    ]
 
 
-def room_keeps_orbits(
-    room: Sequence[Fraction], offset: Sequence[Any], pieces: Sequence[Any]
+def arrival_box_contains_branch(
+    arrival_box: Sequence[Fraction], offset: Sequence[Any], branch_boxes: Sequence[Any]
 ) -> bool:
     """Return True if a box about the second saddle is shown to contain both the isolating block and
     the flight, from its first arrival in the box on.
 
     Args:
-        room: The half-lengths of the box in (beta, gamma, v).
+        arrival_box: The half-lengths of the box in (beta, gamma, v).
         offset: The enclosed offsets of the block from the saddle.
-        pieces: Boxes that enclose the flight, in order of time.
+        branch_boxes: Boxes that enclose the flight, in order of time.
     """
-    sizes = [ball(extent) for extent in room]
-    offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in pieces]
+    sizes = [ball(extent) for extent in arrival_box]
+    offsets = [(beta, gamma - arb.pi(), v) for beta, gamma, v in branch_boxes]
     first = next(
         (place for place, (_, gamma, _) in enumerate(offsets) if not positive(-sizes[1] - gamma)), 0
     )
@@ -282,36 +295,38 @@ def room_keeps_orbits(
     )
 
 
-def one_speed_stays(
+def is_unique_connecting_speed(
     saddle: SaddleCoordinates,
-    room: Sequence[Fraction],
+    arrival_box: Sequence[Fraction],
     G: Sequence[Any],
-    choose: Callable[..., Any],
+    evidence_source: Callable[..., Any],
 ) -> bool:
     """Return True if it is shown that the unstable manifold stays in a box about the second saddle
     at one speed at most.
 
     Args:
         saddle: The coordinates z, with the ball of speeds.
-        room: The half-lengths of the box about the second saddle, in (beta, gamma, v).
+        arrival_box: The half-lengths of the box about the second saddle, in (beta, gamma, v).
         G: The enclosed difference of two speeds' arrivals, in z, per rad/s.
-        choose: Called with "apart", and the values on which these weights of a cone may depend.
+        evidence_source: Called with "apart", and the values on which these weights of a cone may
+            depend.
 
     Raises:
         Unproved: If a branch that stays is not shown to converge to the second saddle.
     """
-    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in room])
-    _, slopes, by_speed = saddle.field(box)
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in arrival_box])
+    _, slopes, by_speed = saddle.rates_and_derivatives(box)
     matrix = arb_mat(slopes)
     require_positive(
-        "6.4: the cones of the box at the second saddle", *cones(matrix, (arb(1), arb(1), arb(1)))
+        "6.4: the cones of the box at the second saddle",
+        *cone_conditions(matrix, (arb(1), arb(1), arb(1))),
     )
-    weights = choose("apart", matrix, by_speed, G)
+    weights = evidence_source("apart", matrix, by_speed, G)
     inside = [abs(G[UNSTABLE]) - weights[0], *(weights[k] - abs(G[k]) for k in (SLOW, FAST))]
-    return _all_positive(*weights, *inside, *cones(matrix, weights, by_speed))
+    return _all_positive(*weights, *inside, *cone_conditions(matrix, weights, by_speed))
 
 
-def _converges_slowly(matrix: Any, z: Sequence[Any]) -> bool:
+def _converges_along_slow_direction(matrix: Any, z: Sequence[Any]) -> bool:
     """Return True if an orbit from the box z is shown to converge along the slow direction (7.3).
 
     The orbit stays in the isolating block N of the second saddle, and ``matrix`` encloses the
@@ -327,7 +342,9 @@ def _converges_slowly(matrix: Any, z: Sequence[Any]) -> bool:
     return _all_positive(slow[0] - slow[1] - (fast[0] + fast[1]), abs(z[SLOW]) - abs(z[FAST]))
 
 
-def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]) -> None:
+def _require_eigenvalues(
+    saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fraction]]
+) -> None:
     """Raise Unproved unless the claimed intervals enclose the saddle's three eigenvalues.
 
     At every speed each interval (middle, half-width) [1/s] must contain exactly one of them. The
@@ -339,19 +356,19 @@ def _eigenvalues(saddle: SaddleCoordinates, claimed: Sequence[tuple[Fraction, Fr
     drag = c.k / c.b * arm
     a_2, a_1, a_0 = drag * arm, w * w - c.g * arm / c.b, -drag * c.e * w * w
     signs = []
-    for value, half in claimed:
-        for x in map(ball, (value + half, value - half)):
+    for value, half_width in claimed:
+        for x in map(ball, (value + half_width, value - half_width)):
             p = ((x + a_2) * x + a_1) * x + a_0
             signs.append(int(positive(p)) - int(positive(-p)))
-    ends = [x for value, half in claimed for x in (value + half, value - half)]
+    ends = [x for value, half_width in claimed for x in (value + half_width, value - half_width)]
     require(
         ends == sorted(ends, reverse=True) and signs == [1, -1, -1, 1, 1, -1],
         "claim: the eigenvalues are not shown",
     )
 
 
-def recorded_choices(entries: Mapping[str, Any]) -> Callable[..., Any]:
-    """Return a function that returns the recorded choice of a given name from a certificate.
+def recorded_evidence(entries: Mapping[str, Any]) -> Callable[..., Any]:
+    """Return a function that returns the recorded evidence of a given name from a certificate.
 
     The name "flight" gives the proposer of the steps, and "arrived" gives True once all steps of
     its log have been taken.
@@ -359,33 +376,33 @@ def recorded_choices(entries: Mapping[str, Any]) -> Callable[..., Any]:
     replay = StepReplay(entries["flight"], "the flight")
     known = {**entries, "flight": replay}
 
-    def choose(name: str, *context: Any) -> Any:
+    def evidence_source(name: str, *context: Any) -> Any:
         return replay.number == len(replay.log) if name == "arrived" else known[name]
 
-    return choose
+    return evidence_source
 
 
 SHAPES = {
     "heteroclinic connection": (
         {
-            "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), MEASURED),
+            "numbers": dict.fromkeys(("omega_h", *EIGENVALUES), NUMBER_SHAPE),
             **dict.fromkeys(("unique", "upright"), one_of(True, False)),
-            **dict.fromkeys(("beta", "gamma", "v"), decimal),
+            **dict.fromkeys(("beta", "gamma", "v"), read_decimal),
         },
-        CHOICES,
+        EVIDENCE_SHAPE,
     )
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about Omega_h: repeat the proof with the choices that it records.
+    """Check a certificate about Omega_h: repeat the proof with the evidence that it records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     numbers = {
         name: (Fraction(x["value"]), Fraction(x["uncertainty"]))
@@ -393,19 +410,19 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
     }
     claimed = {
         "eigenvalues": [numbers[name] for name in EIGENVALUES],
-        "room": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
+        "arrival_box": tuple(Fraction(claim[name]) for name in ("beta", "gamma", "v")),
     }
     verified = verify_connection(
         claim["parameters"],
         claim["friction"],
         numbers["omega_h"],
-        recorded_choices({**evidence, **claimed}),
+        recorded_evidence({**evidence, **claimed}),
     )
     require(
         not claim["unique"] or verified.unique, "claim: that there is no other speed is not shown"
     )
     require(
-        not claim["upright"] or verified.upright,
+        not claim["upright"] or verified.never_flat,
         "claim: that the disk never lies flat is not shown",
     )
 
@@ -419,19 +436,19 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    middle, half = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
+    middle, half_width = (claim["numbers"]["omega_h"][name] for name in ("value", "uncertainty"))
     count = "exactly one" if claim["unique"] else "at least one"
-    upright = ", with |beta - pi/2| < pi/2 all along" if claim["upright"] else ""
+    never_flat = ", with |beta - pi/2| < pi/2 all along" if claim["upright"] else ""
     eigenvalues = ", ".join(numbers[name] for name in EIGENVALUES)
     return (
-        f" there is {count} Omega with |Omega - {middle} rad/s| <= {half} rad/s "
+        f" there is {count} Omega with |Omega - {middle} rad/s| <= {half_width} rad/s "
         "at which the branch of the unstable manifold of (beta, gamma, v) = (pi/2, -pi/2, 0) that "
         "leaves with growing "
         f"gamma, from the moment on at which it first has gamma = 3 pi/2 - {claim['gamma']}, stays "
         f"in the box "
         f"|beta - pi/2| <= {claim['beta']}, |gamma - 3 pi/2| <= {claim['gamma']}, |v| <= "
         f"{claim['v']} rad/s and "
-        f"converges to (pi/2, 3 pi/2, 0){upright}; by the symmetry "
+        f"converges to (pi/2, 3 pi/2, 0){never_flat}; by the symmetry "
         "(beta, gamma, v) -> (pi - beta, pi - gamma, -v) the connection back exists at the same "
         "speed, an Omega_h; at "
         f"every speed of the interval the saddle's eigenvalues are {eigenvalues} 1/s."

@@ -12,9 +12,9 @@ D is the set of all z with
     z_s = -s,   |z_f| <= t_0,   -eta <= z_u <= g.
 
 An orbit from D that starts below the graph g leaves N through z_u = -u after T seconds, T >=
-`Passage.time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes the exit to -z
-about the first saddle. The flight from there (`passage`) reaches z_s = -s about the second saddle,
-at the point R(z).
+`SaddlePassage.min_passage_time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes
+the exit to -z about the first saddle. The flight from there (`passage`) reaches z_s = -s about the
+second saddle, at the point R(z).
 
 If the start tends to the graph, T grows. The exit tends to that of the branch of the unstable
 manifold, because an orbit that has always been in N lies on it. So R is continuous on D with R = p
@@ -128,35 +128,35 @@ from flint import arb
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import ball, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    LAWS,
-    MEASURED,
-    count,
-    decimal,
-    dyadic,
+    FRICTION_LAWS,
+    NUMBER_SHAPE,
     one_of,
-    order,
+    read_count,
+    read_decimal,
+    read_dyadic,
+    read_order,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection as connections
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EnclosedConnection,
-    recorded_choices,
+    recorded_evidence,
     verify_connection,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import Passage, arrivals
+from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage, enclose_arrivals
 from tippedisk_verify.proofs.kernel.certificates.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    abs_upper,
-    products,
+    magnitude_bound,
     require_positive,
+    wedge_product,
 )
 
 __all__ = [
-    "CLAIM",
-    "EVIDENCE",
-    "LID",
+    "CLAIM_SHAPE",
+    "EVIDENCE_SHAPE",
+    "LID_REFUSAL",
     "SHAPES",
     "CyclesNextToConnection",
     "LoopMap",
@@ -166,30 +166,41 @@ __all__ = [
 ]
 
 #: The refusal for which a higher lid may help.
-LID = "7a.3: arrivals above the lid of D"
+LID_REFUSAL = "7a.3: arrivals above the lid of D"
 U, S, F = UNSTABLE, SLOW, FAST
 
 
-#: The choices: the box N, the weights of its cones, the set D, and the steps of each flight.
-CHOICES = {
-    "box": {"directions": [[dyadic, 3], 3], "extents": [dyadic, 3], "cells": [order, 2]},
-    "weights": {
-        "steep": [dyadic, 3],
-        "compound": [dyadic, 2],
-        "drift": [dyadic, 3],
-        "flat": dyadic,
-        "lipschitz": dyadic,
-        "thin": dyadic,
-        "return": dyadic,
+#: The evidence: the box N, the weights of its cones, the set D, and the steps of each flight.
+CYCLES_EVIDENCE_SHAPE = {
+    "box": {
+        "directions": [[read_dyadic, 3], 3],
+        "extents": [read_dyadic, 3],
+        "cells": [read_order, 2],
     },
-    "entry": {"lid": dyadic, "fast": dyadic, "weight": dyadic, "moment": dyadic},
-    "flights": {"steps": count, "lengths": [[dyadic, None], None]},
+    "weights": {
+        "steep": [read_dyadic, 3],
+        "compound": [read_dyadic, 2],
+        "drift": [read_dyadic, 3],
+        "flat": read_dyadic,
+        "lipschitz": read_dyadic,
+        "thin": read_dyadic,
+        "return": read_dyadic,
+    },
+    "entry": {
+        "lid": read_dyadic,
+        "fast": read_dyadic,
+        "weight": read_dyadic,
+        "moment": read_dyadic,
+    },
+    "flights": {"steps": read_count, "lengths": [[read_dyadic, None], None]},
 }
 
 
-CLAIM = dict.fromkeys(("low", "high", "gamma", "v"), decimal)  #: the claim's own members
-_CONNECTION = {"eigenvalues": [[decimal, 2], 3], "room": [decimal, 3]}
-EVIDENCE = CHOICES | {"connection": connections.CHOICES | _CONNECTION}
+CLAIM_SHAPE = dict.fromkeys(("low", "high", "gamma", "v"), read_decimal)  #: the claim's own members
+_CONNECTION_CLAIM_SHAPE = {"eigenvalues": [[read_decimal, 2], 3], "room": [read_decimal, 3]}
+EVIDENCE_SHAPE = CYCLES_EVIDENCE_SHAPE | {
+    "connection": connections.EVIDENCE_SHAPE | _CONNECTION_CLAIM_SHAPE
+}
 
 
 @dataclass(frozen=True)
@@ -202,21 +213,23 @@ class CyclesNextToConnection:
 
     low: Fraction
     high: Fraction
-    above: Fraction  #: an upper bound of Omega_h [rad/s]
+    omega_h_upper_bound: Fraction  #: an upper bound of Omega_h [rad/s]
     gamma: Fraction  #: c [rad]
     v: Fraction  #: d [rad/s]
     kappa: Any = None  #: R contracts D by this factor
-    time: Any = None  #: a lower bound of the duration of a passage from D [s]
+    min_passage_time: Any = None  #: a lower bound of the duration of a passage from D [s]
 
-    def meets(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
+    def contains_cycle(self, omega: Any, gamma_bar: Any, v: Any) -> bool:
         """Return True if the ball omega lies in (Omega_h, high], and the balls gamma_bar, v lie in
         the set Q in which the limit cycles are unique.
 
         A fixed point of the half map in these balls is then the only one in Q.
         """
-        above, high, c, d = map(ball, (self.above, self.high, self.gamma, self.v))
+        omega_h_upper_bound, high, c, d = map(
+            ball, (self.omega_h_upper_bound, self.high, self.gamma, self.v)
+        )
         inside = (
-            omega - above,
+            omega - omega_h_upper_bound,
             high - omega,
             gamma_bar - arb.pi() + c,
             arb.pi() - gamma_bar,
@@ -230,8 +243,8 @@ def verify_cycles(
     connection: EnclosedConnection,
     low: Fraction,
     high: Fraction,
-    choose: Callable[..., Any],
-    watch: Callable[[float], None] = lambda share: None,
+    evidence_source: Callable[..., Any],
+    on_progress: Callable[[float], None] = lambda share: None,
 ) -> CyclesNextToConnection:
     """Prove the limit cycles next to the connection: the half map has one fixed point in Q at each
     speed above Omega_h, and none at Omega_h or below.
@@ -242,9 +255,9 @@ def verify_cycles(
         connection: The verified interval of Omega_h.
         low: Below Omega_h.
         high: Above Omega_h.
-        choose: Called with the names of `CHOICES` and the values on which each may depend. Its
-            ``entry`` also has the claimed c and d (``gamma``, ``v``).
-        watch: Called with the share of the flights' steps that is done.
+        evidence_source: Called with the names of `CYCLES_EVIDENCE_SHAPE` and the values on which
+            each may depend. Its ``entry`` also has the claimed c and d (``gamma``, ``v``).
+        on_progress: Called with the share of the flights' steps that is done.
 
     Returns:
         The speeds, the set Q, the factor kappa of contraction and the least time of a passage.
@@ -253,24 +266,28 @@ def verify_cycles(
         Unproved: With the inequality that fails.
     """
     require(
-        not LAWS[connection.friction].two_sided,
+        not FRICTION_LAWS[connection.friction].two_sided,
         "the cycles are proved under the linear friction law only",
     )
     require(0 < low < connection.low < connection.high < high, "claim: an interval is empty")
-    box = choose("box")
+    box = evidence_source("box")
     speeds = ball(low).union(ball(high))
-    n = Passage(
+    passage = SaddlePassage(
         SaddleCoordinates(connection.disk, "linear", speeds, box["directions"]),
         box["extents"],
         box["cells"],
     )
-    n.weighted(choose("weights", n))
-    entry = choose("entry", n)
-    loop_map = LoopMap(n, entry)
-    _require_connection_in_box(n, connection)
-    kappa = loop_map.verify(_flights(loop_map, low, high, choose("flights", loop_map), watch))
+    passage.verify_weights(evidence_source("weights", passage))
+    entry = evidence_source("entry", passage)
+    loop_map = LoopMap(passage, entry)
+    _require_branch_in_box(passage, connection)
+    kappa = loop_map.verify(
+        _flights(loop_map, low, high, evidence_source("flights", loop_map), on_progress)
+    )
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
-    return CyclesNextToConnection(low, high, connection.high, c, d, kappa, loop_map.time)
+    return CyclesNextToConnection(
+        low, high, connection.high, c, d, kappa, loop_map.min_passage_time
+    )
 
 
 class LoopMap:
@@ -280,64 +297,70 @@ class LoopMap:
     Unproved if one fails. `verify` needs the flights from these exits.
 
     Args:
-        n: The passage through the box N, with its weights.
-        entry: The choice named "entry": the sizes of D and Q, the weight w and the moment.
+        passage: The passage through the box N, with its weights.
+        entry: The evidence named "entry": the sizes of D and Q, the weight w and the moment.
     """
 
-    def __init__(self, n: Passage, entry: dict[str, Any]) -> None:
-        self.n, self.lid, self.fast, self.weight = n, entry["lid"], entry["fast"], entry["weight"]
+    def __init__(self, passage: SaddlePassage, entry: dict[str, Any]) -> None:
+        self.passage, self.lid, self.fast, self.weight = (
+            passage,
+            entry["lid"],
+            entry["fast"],
+            entry["weight"],
+        )
         c, d = (ball(entry[name]) for name in ("gamma", "v"))
         require_positive(
             "7a.1: the extents of D and Q and the weight w", self.lid, self.fast, c, d, self.weight
         )
-        (u, s, t), saddle = n.extents, n.saddle
+        (u, s, t), saddle = passage.extents, passage.saddle
         #: bounds of |g| on z_s = -s, and of |z_u| along the orbits of the graph from there
-        edge = n.flat * s
+        edge = passage.flat_slope * s
         require_positive(
             "7a.1: D and the graph",
-            n.thin * s - self.fast,
+            passage.thin_slope * s - self.fast,
             s - self.fast,
             u - self.lid,
             self.lid - edge,
         )
         require_positive(
             "7a.1: the fast part in N",
-            n.stirred_within - n.forcing[1] - self.fast,
-            s - n.forcing[1] - self.fast,
+            passage.speed_wedge_extent - passage.forcing[1] - self.fast,
+            s - passage.forcing[1] - self.fast,
         )
-        self.time = n.time(self.lid + edge)
-        require_positive("7a.2: a passage takes time", self.time)
-        crossing = n.crossing(self.lid, self.fast, entry["moment"])
+        self.min_passage_time = passage.min_passage_time(self.lid + edge)
+        require_positive("7a.2: a passage takes time", self.min_passage_time)
+        crossing = passage.crossing_bound(self.lid, self.fast, entry["moment"])
         require_positive(
             "7a.4: crossings lie in Q",
-            c - crossing * n.at_crossing(1),
-            d - crossing * n.at_crossing(2),
+            c - crossing * passage.crossing_direction(1),
+            d - crossing * passage.crossing_direction(2),
         )
         # Q = {-a by_gamma - b by_v: 0 < a <= c, 0 < b <= d}.
         by_gamma, by_v = ([saddle.inverse[k, j] for k in range(3)] for j in (1, 2))
-        a, b = (arb(0).union(abs_upper(x)) for x in (c, d))
-        corner = [abs_upper(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
+        a, b = (arb(0).union(magnitude_bound(x)) for x in (c, d))
+        corner = [magnitude_bound(a * x + b * y) for x, y in zip(by_gamma, by_v, strict=True)]
         require_positive(
-            "7a.4: Q lies in N", *(extent - x for extent, x in zip(n.extents, corner, strict=True))
+            "7a.4: Q lies in N",
+            *(extent - x for extent, x in zip(passage.extents, corner, strict=True)),
         )
         for x in (by_gamma, by_v):
             require_positive(
-                "7a.4: Q lies below the graph", x[U] - n.flat * abs(x[S]).max(abs(x[F]))
+                "7a.4: Q lies below the graph", x[U] - passage.flat_slope * abs(x[S]).max(abs(x[F]))
             )
         require_positive("7a.4: the sign of z_s in Q", by_gamma[S])
         # Where orbits from D and Q leave N: z_s about the saddle that they fly from, and |z_f|.
-        time = n.time(corner[U] + n.flat * corner[S].max(corner[F]))
+        time = passage.min_passage_time(corner[U] + passage.flat_slope * corner[S].max(corner[F]))
         (slow, fast), (slow_q, fast_q) = (
-            n.fallen(s, self.fast, self.time),
-            n.fallen(corner[S], corner[F], time),
+            passage.stable_bounds(s, self.fast, self.min_passage_time),
+            passage.stable_bounds(corner[S], corner[F], time),
         )
-        back, _ = n.fallen(d * abs(by_v[S]), self.fast, time)
-        self.exits, self.exit_fast = (-back, slow.max(slow_q)), arb(0, fast.max(fast_q))
-        self.leaving = [-u, (-self.exits[0]).union(-self.exits[1]), self.exit_fast]
-        require_positive("7a.1: beta_bar where N is left", -saddle.offset(self.leaving)[0])
+        back, _ = passage.stable_bounds(d * abs(by_v[S]), self.fast, time)
+        self.exit_z_s, self.exit_z_f = (-back, slow.max(slow_q)), arb(0, fast.max(fast_q))
+        self.exit_box = [-u, (-self.exit_z_s[0]).union(-self.exit_z_s[1]), self.exit_z_f]
+        require_positive("7a.1: beta_bar where N is left", -saddle.offset(self.exit_box)[0])
         require_positive(
             "7a.4: gamma where N is left upwards",
-            saddle.offset([u, arb(0, abs_upper(s)), arb(0, abs_upper(t))])[1],
+            saddle.offset([u, arb(0, magnitude_bound(s)), arb(0, magnitude_bound(t))])[1],
         )
         require_positive(
             "7a.1: the saddles' boxes are apart", 2 * arb.pi() * saddle.inverse[S, 1] - 2 * s
@@ -348,8 +371,9 @@ class LoopMap:
         the speed.
 
         Args:
-            arrivals: The enclosed arrivals of all flights with their derivatives, as `arrivals`
-                returns them: rows for z_u, z_f, the time and the largest beta_bar.
+            arrivals: The enclosed arrivals of all flights with their derivatives, as
+                `enclose_arrivals` returns them: rows for z_u, z_f, the time and the largest
+                beta_bar.
 
         Returns:
             A ball with an upper bound of kappa, the factor by which R shortens paths.
@@ -357,14 +381,20 @@ class LoopMap:
         Raises:
             Unproved: With the inequality that fails.
         """
-        n, w = self.n, self.weight
-        (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = n.extents, n.steep, n.compound
+        passage, w = self.passage, self.weight
+        (u, s, _), (k_u, k_s, k_f), (k_1, k_2) = (
+            passage.extents,
+            passage.steep_weights,
+            passage.compound_weights,
+        )
         (unstable, *by_u), (fast, *by_f), (_, *by_t), (beta, *by_b) = arrivals
-        require_positive(LID, unstable + self.lid)
+        require_positive(LID_REFUSAL, unstable + self.lid)
         require_positive("7a.3: arrivals in D", u - abs(unstable), self.fast - abs(fast))
         entering, leaving = (
-            n.rates([(-self.lid).union(n.flat * s), -s, arb(0, abs_upper(self.fast))]),
-            n.rates(self.leaving),
+            passage.rates(
+                [(-self.lid).union(passage.flat_slope * s), -s, arb(0, magnitude_bound(self.fast))]
+            ),
+            passage.rates(self.exit_box),
         )
         speed = -leaving[U]
         require_positive("7a.1: orbits enter N and leave it", entering[S], speed)
@@ -375,18 +405,23 @@ class LoopMap:
 
             ``d`` is the variation (d_u, d_s, d_f) of its start in D.
             """
-            slow, fast = (x / speed for x in n.settled(products(entering, d), self.time))
-            return [abs_upper(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)]
+            slow, fast = (
+                x / speed
+                for x in passage.compound_bounds(wedge_product(entering, d), self.min_passage_time)
+            )
+            return [
+                magnitude_bound(abs(row[0]) * slow + abs(row[1]) * fast) for row in (by_u, by_f)
+            ]
 
-        image = after_round([arb(0, 1), arb(0), arb(0, abs_upper(w))])
-        kappa = image[0].max(abs_upper(image[1] / w))
-        require_positive("7a.2: R contracts", 1 - kappa * (1 + n.lipschitz * w))
+        image = after_round([arb(0, 1), arb(0), arb(0, magnitude_bound(w))])
+        kappa = image[0].max(magnitude_bound(image[1] / w))
+        require_positive("7a.2: R contracts", 1 - kappa * (1 + passage.lipschitz_slope * w))
         require_positive("7a.3: the cone on entry", k_1 * entering[S] - abs(entering[F]))
-        ratio = n.ratio(self.time)
-        height = n.lipschitz * (abs(by_f[0]) + abs(by_f[1]) * ratio)
+        ratio = passage.compound_ratio_bound(self.min_passage_time)
+        height = passage.lipschitz_slope * (abs(by_f[0]) + abs(by_f[1]) * ratio)
         require_positive("7a.3: heights grow downwards", -by_u[0] - abs(by_u[1]) * ratio - height)
         moved = [
-            row[0] * arb(0, abs_upper(k_s)) + row[1] * arb(0, abs_upper(k_f)) + row[2]
+            row[0] * arb(0, magnitude_bound(k_s)) + row[1] * arb(0, magnitude_bound(k_f)) + row[2]
             for row in (by_u, by_f)
         ]
         require_positive(
@@ -397,7 +432,7 @@ class LoopMap:
         # The derivatives of R's fixed point with respect to the speed. The second row of 1 - DR
         # shows |z_f'| <= slope |z_u'| + offset; the first one then bounds |z_u'|.
         first, second = after_round([arb(1), arb(0), arb(0)]), after_round([arb(0), arb(0), arb(1)])
-        drift = [arb(0, abs_upper(x / speed)) for x in n.drift[:2]]
+        drift = [arb(0, magnitude_bound(x / speed)) for x in passage.drift_weights[:2]]
         rest = [row[0] * drift[0] + row[1] * drift[1] + row[2] for row in (by_u, by_f)]
         own = 1 - second[1]
         require_positive("7a.5: 1 - DR is regular", own)
@@ -409,7 +444,7 @@ class LoopMap:
             ((falls - offset) / (1 + second[0] * slope)).lower(),
             ((falls + offset) / room).upper(),
         )
-        share = arb(0, abs_upper(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
+        share = arb(0, magnitude_bound(slope + abs(rest[1]) / own / slowest))  # z_f' / z_u'
         require_positive("7a.5: the cone of the derivative", slowest - k_u, k_f - k_u * abs(share))
         twisted = abs(entering[U] * share - entering[F])
         require_positive(
@@ -417,17 +452,20 @@ class LoopMap:
             k_1 * entering[S] - twisted,
             k_2 - abs(share),
         )
-        row = [n.saddle.directions[1, k] for k in range(3)]
+        row = [passage.saddle.directions[1, k] for k in range(3)]
         require_positive(
             "7a.5: gamma_bar_0 falls", row[U] - (abs(row[S]) * k_s + abs(row[F]) * k_f) / k_u
         )
-        b = n.settled([x * fastest for x in products(entering, (arb(1), arb(0), share))], self.time)
+        b = passage.compound_bounds(
+            [x * fastest for x in wedge_product(entering, (arb(1), arb(0), share))],
+            self.min_passage_time,
+        )
         exits = [
             arb(0).union(b[0] / speed) + drift[0],
-            arb(0, abs_upper(b[1] / speed)) + drift[1],
+            arb(0, magnitude_bound(b[1] / speed)) + drift[1],
             arb(1),
         ]
-        gained = (slowest * (n.grows[0] * self.time).exp() / speed).lower()
+        gained = (slowest * (passage.growth_rates[0] * self.min_passage_time).exp() / speed).lower()
         require_positive(
             "7a.5: the period falls",
             gained - abs(sum(x * y for x, y in zip(by_t, exits, strict=True))),
@@ -435,11 +473,11 @@ class LoopMap:
         require_positive(
             "7a.5: beta_max falls", -sum(x * y for x, y in zip(by_b, exits, strict=True))
         )
-        inside = n.saddle.offset(
+        inside = passage.saddle.offset(
             [
-                arb(0, abs_upper(u)),
-                arb(0, abs_upper(s)),
-                arb(0, abs_upper(n.forcing[1] + self.fast)),
+                arb(0, magnitude_bound(u)),
+                arb(0, magnitude_bound(s)),
+                arb(0, magnitude_bound(passage.forcing[1] + self.fast)),
             ]
         )[0]
         require_positive("7a.5: beta_max is in the flight", beta - abs(inside))
@@ -451,16 +489,17 @@ def _flights(
     low: Fraction,
     high: Fraction,
     entry: dict[str, Any],
-    watch: Callable[[float], None],
+    on_progress: Callable[[float], None],
 ) -> list[list[Any]]:
     """Enclose the arrivals of the flights from all exits of the saddle's box at all speeds of [low,
     high].
 
     Speeds and exits are divided into cells, with one flight for each pair of them. ``entry``
     contains the number of steps and the lengths of steps: a row for each cell of speeds, in it a
-    number for each cell of z_s. Returns the rows of `arrivals`, and raises Unproved as it does.
+    number for each cell of z_s. Returns the rows of `enclose_arrivals`, and raises Unproved as it
+    does.
     """
-    rows, (least, largest) = entry["lengths"], loop_map.exits
+    rows, (least, largest) = entry["lengths"], loop_map.exit_z_s
     require(bool(rows) and all(rows), "7a.1: there are no flights")
     speeds, slow = [], []
     for i, row in enumerate(rows):
@@ -469,32 +508,35 @@ def _flights(
             cell = [least + (largest - least) * (j + k) / len(row) for k in (0, 1)]
             speeds.append(ends[0].union(ends[1]))
             slow.append(cell[0].union(cell[1]))
-    saddle = loop_map.n.saddle
+    saddle = loop_map.passage.saddle
     over = SaddleCoordinates(
         saddle.disk, "linear", BallArray.of(speeds), saddle.directions.tolist()
     )
     lengths = np.array([float(length) for row in rows for length in row])
-    return arrivals(
+    return enclose_arrivals(
         over,
-        loop_map.n.extents,
+        loop_map.passage.extents,
         BallArray.of(slow),
-        loop_map.exit_fast,
+        loop_map.exit_z_f,
         lengths,
         entry["steps"],
-        watch,
+        on_progress,
     )
 
 
-def _require_connection_in_box(n: Passage, connection: EnclosedConnection) -> None:
+def _require_branch_in_box(passage: SaddlePassage, connection: EnclosedConnection) -> None:
     """Raise Unproved unless the heteroclinic connection is shown to stay in the box N about the
     saddle from z_s = -s on, with gamma growing all along it.
 
-    The boxes ``connection.pieces`` enclose the connection.
+    The boxes ``connection.branch_boxes`` enclose the connection.
     """
-    saddle, (u, s, t) = n.saddle, n.extents
-    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.room])
+    saddle, (u, s, t) = passage.saddle, passage.extents
+    box = saddle.coordinates([arb(0, ball(extent).upper()) for extent in connection.arrival_box])
     require_positive("7a.3: the connection's box lies in N", u - abs(box[U]))
-    states = [(beta, saddle.arrived((beta, gamma, v))) for beta, gamma, v in connection.pieces]
+    states = [
+        (beta, saddle.second_saddle_coordinates((beta, gamma, v)))
+        for beta, gamma, v in connection.branch_boxes
+    ]
     first = next((place for place, (_, z) in enumerate(states) if not positive(-s - z[S])), 0)
     require(first > 0, "7a.3: the connection is not shown to come from outside of N")
     for _, z in states[first:]:
@@ -505,41 +547,44 @@ def _require_connection_in_box(n: Passage, connection: EnclosedConnection) -> No
 
 SHAPES = {
     "cycles next to the connection": (
-        {"friction": one_of("linear"), "numbers": {"omega_h": MEASURED}, **CLAIM},
-        EVIDENCE,
+        {"friction": one_of("linear"), "numbers": {"omega_h": NUMBER_SHAPE}, **CLAIM_SHAPE},
+        EVIDENCE_SHAPE,
     )
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> CyclesNextToConnection:
     """Check a certificate about the limit cycles next to the connection: repeat the proof with the
-    choices that it records.
+    evidence that it records.
 
     Returns the proved result.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     entries = evidence["connection"]
     claimed = {
-        "room": tuple(map(Fraction, entries["room"])),
+        "arrival_box": tuple(map(Fraction, entries["room"])),
         "eigenvalues": [tuple(map(Fraction, pair)) for pair in entries["eigenvalues"]],
     }
     omega_h = claim["numbers"]["omega_h"]
     interval = Fraction(omega_h["value"]), Fraction(omega_h["uncertainty"])
     connection = verify_connection(
-        claim["parameters"], "linear", interval, recorded_choices({**entries, **claimed})
+        claim["parameters"], "linear", interval, recorded_evidence({**entries, **claimed})
     )
-    choices = {**evidence, "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]}}
+    recorded = {
+        **evidence,
+        "entry": {**evidence["entry"], "gamma": claim["gamma"], "v": claim["v"]},
+    }
     return verify_cycles(
         connection,
         Fraction(claim["low"]),
         Fraction(claim["high"]),
-        lambda name, *context: choices[name],
+        lambda name, *context: recorded[name],
     )
 
 
@@ -553,7 +598,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    low, high, gamma, v = (claim[name] for name in CLAIM)
+    low, high, gamma, v = (claim[name] for name in CLAIM_SHAPE)
     return (
         f" let gamma be a real number, not an angle; let P be the half map from the section beta = "
         "pi/2, v < 0 along the flow to the next crossing of beta = pi/2, there v > 0, with |beta - "

@@ -25,33 +25,38 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    LAWS,
-    MEASURED,
+    FRICTION_LAWS,
+    NUMBER_SHAPE,
     STABILITY_WORDS,
-    count,
-    decimal,
-    dyadic,
     one_of,
-    precision,
-    require_within_claim,
+    read_count,
+    read_decimal,
+    read_dyadic,
+    read_precision,
+    require_claimed_enclosure,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.krawczyk import (
+    BOX_SHAPE,
+    FLIGHT_SHAPE,
+    KrawczykResult,
+    replayed_test,
+)
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
+    PoincareImage,
     PoincareSection,
-    SectionReturn,
 )
 
 __all__ = [
+    "COORDINATE_NAMES",
     "KINDS",
     "SHAPES",
-    "UNKNOWNS",
+    "box_centre",
     "claimed_names",
     "cycle_numbers",
     "main_numbers",
-    "place",
-    "reversals",
+    "reversals_per_period",
     "sentence",
     "stability",
     "uniqueness_radii",
@@ -60,7 +65,10 @@ __all__ = [
 
 KINDS = {"limit cycle": LIBRATING_SECTION, "rotating limit cycle": ROTATING_SECTION}
 #: the names of a section's coordinates
-UNKNOWNS = {LIBRATING_SECTION: ("gamma_bar_0", "v_0"), ROTATING_SECTION: ("beta_bar_top", "v_top")}
+COORDINATE_NAMES = {
+    LIBRATING_SECTION: ("gamma_bar_0", "v_0"),
+    ROTATING_SECTION: ("beta_bar_top", "v_top"),
+}
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
@@ -69,16 +77,20 @@ def claimed_names(section: PoincareSection) -> tuple[str, ...]:
     ``section`` tells if the cycle is librating or rotating. The names of `main_numbers`, which have
     the requested digits, come first.
     """
-    slopes = (f"d{name}_domega" for name in UNKNOWNS[section])
+    slopes = (f"d{name}_domega" for name in COORDINATE_NAMES[section])
     others = ("multiplier_slow", "log_multiplier_slow", "log_multiplier_fast", "dperiod_domega")
     return *main_numbers(section), *others, *slopes
 
 
 def main_numbers(section: PoincareSection) -> tuple[str, ...]:
-    return "period", *UNKNOWNS[section], *(["beta_max"] if section == LIBRATING_SECTION else [])
+    return (
+        "period",
+        *COORDINATE_NAMES[section],
+        *(["beta_max"] if section == LIBRATING_SECTION else []),
+    )
 
 
-def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+def box_centre(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
     """Return the centre of the box in which a cycle is tested, and the speed's deviation from it.
 
     Args:
@@ -93,7 +105,7 @@ def place(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], A
     return [*middle, speed.mid()], speed - speed.mid()
 
 
-def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any]:
+def cycle_numbers(section: PoincareSection, fixed: KrawczykResult) -> dict[str, Any]:
     """Return enclosures of a limit cycle's numbers by name: period, multipliers, derivatives, ...
 
     The names are `claimed_names`.
@@ -103,24 +115,24 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         fixed: The enclosed fixed point, with the map's derivatives.
     """
     centre, box, flights = fixed.centre, fixed.box, section.flights_per_period
-    (a, b), (c, d) = box.matrix
-    trace, shrinking = a + d, box.divergence.exp()
+    (a, b), (c, d) = box.image_by_start
+    trace, contraction = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
     # nothing.
-    larger = (abs(trace) + (trace * trace - 4 * section.sign * shrinking).sqrt()) / 2
+    larger = (abs(trace) + (trace * trace - 4 * section.symmetry_sign * contraction).sqrt()) / 2
     sign: Any = 1
     if section != LIBRATING_SECTION and not positive(trace):
         sign = -1 if negative(trace) else arb.nan()
     slow, determinant = flights * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
-        ((1 - d) * box.by_omega[0] + b * box.by_omega[1]) / determinant,
-        ((1 - a) * box.by_omega[1] + c * box.by_omega[0]) / determinant,
+        ((1 - d) * box.image_by_omega[0] + b * box.image_by_omega[1]) / determinant,
+        ((1 - a) * box.image_by_omega[1] + c * box.image_by_omega[0]) / determinant,
         1,
     ]
-    time_by = (*box.time_by_state, box.time_by_omega)
-    first, second = UNKNOWNS[section]
+    time_by = (*box.time_by_start, box.time_by_omega)
+    first, second = COORDINATE_NAMES[section]
     numbers = {
-        "period": flights * fixed.along(centre.time, time_by),
+        "period": flights * fixed.mean_value_form(centre.time, time_by),
         first: fixed.image[0],
         second: fixed.image[1],
         "multiplier_slow": sign * larger**flights,
@@ -131,7 +143,7 @@ def cycle_numbers(section: PoincareSection, fixed: FixedPoints) -> dict[str, Any
         f"d{second}_domega": by_omega[1],
     }
     return numbers | (
-        {"beta_max": -fixed.along(centre.beta_least, box.beta_least_by_start)}
+        {"beta_max": -fixed.mean_value_form(centre.beta_least, box.beta_least_by_start)}
         if section == LIBRATING_SECTION
         else {}
     )
@@ -149,7 +161,7 @@ def stability(numbers: Mapping[str, Any]) -> bool | None:
     return False if positive(slow) else None
 
 
-def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any]:
+def uniqueness_radii(fixed: KrawczykResult, radii: Sequence[Any]) -> tuple[Any, Any]:
     """Return two balls: the distances from an enclosed fixed point to the faces of a tested box.
 
     No other fixed point is nearer than these distances. ``radii`` are those of the box, for the two
@@ -162,7 +174,7 @@ def uniqueness_radii(fixed: FixedPoints, radii: Sequence[Any]) -> tuple[Any, Any
     return first, second
 
 
-def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
+def reversals_per_period(section: PoincareSection, fixed: KrawczykResult) -> int:
     """Return the number of sign changes of the sliding velocity in a period of a limit cycle
     (smooth law only).
     """
@@ -172,17 +184,17 @@ def reversals(section: PoincareSection, fixed: FixedPoints) -> int:
 SHAPES = {
     kind: (
         {
-            "omega": decimal,
-            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
+            "omega": read_decimal,
+            "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "stable": one_of(True, False, None),
-            "unique_within": dict.fromkeys(UNKNOWNS[section], decimal),
-            "reversals?": count,
+            "unique_within": dict.fromkeys(COORDINATE_NAMES[section], read_decimal),
+            "reversals?": read_count,
         },
         {
-            "middle": [dyadic, 2],
-            "centre": FLIGHT,
-            "box": BOX,
-            "wide box?": BOX | {"bits": precision},
+            "middle": [read_dyadic, 2],
+            "centre": FLIGHT_SHAPE,
+            "box": BOX_SHAPE,
+            "wide box?": BOX_SHAPE | {"bits": read_precision},
         },
     )
     for kind, section in KINDS.items()
@@ -190,41 +202,46 @@ SHAPES = {
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about one limit cycle: repeat the proof with the choices that it records.
+    """Check a certificate about one limit cycle: repeat the proof with the evidence that it
+    records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
-    middle, drift = place(claim, evidence["middle"])
+    middle, speed_deviation = box_centre(claim, evidence["middle"])
 
-    def test(name: str, centre: SectionReturn | None = None) -> FixedPoints:
+    def test(name: str, centre: PoincareImage | None = None) -> KrawczykResult:
         box, log = evidence[name], evidence["centre"]
         return replayed_test(
-            claim, section, middle, [*box["radii"], drift], (0, 1), log, box, name, centre
+            claim, section, middle, [*box["radii"], speed_deviation], (0, 1), log, box, name, centre
         )
 
     fixed, widest = test("box"), evidence["box"]["radii"]
     numbers = cycle_numbers(section, fixed)
     for name, number in claim["numbers"].items():
-        require_within_claim(number, numbers[name], name)
+        require_claimed_enclosure(number, numbers[name], name)
     require(claim["stable"] in (None, stability(numbers)), "claim: the stability is not shown")
-    if LAWS[claim["friction"]].two_sided:
+    if FRICTION_LAWS[claim["friction"]].two_sided:
         require(
-            claim.get("reversals") == reversals(section, fixed),
+            claim.get("reversals") == reversals_per_period(section, fixed),
             "claim: the sliding reversals are not shown",
         )
     if "wide box" in evidence:
         widest = evidence["wide box"]["radii"]
         with working_precision(evidence["wide box"]["bits"]):
             test("wide box", fixed.centre)
-    for name, room in zip(UNKNOWNS[section], uniqueness_radii(fixed, widest), strict=True):
+    for name, distance in zip(
+        COORDINATE_NAMES[section], uniqueness_radii(fixed, widest), strict=True
+    ):
         least = ball(claim["unique_within"][name])
-        require(bool(room >= least > 0), f"claim: it is not shown that no other {name} is so near")
+        require(
+            bool(distance >= least > 0), f"claim: it is not shown that no other {name} is so near"
+        )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
@@ -236,10 +253,10 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    section, n, room = KINDS[claim["kind"]], numbers, claim["unique_within"]
-    first, second = UNKNOWNS[section]
+    section, n, distance = KINDS[claim["kind"]], numbers, claim["unique_within"]
+    first, second = COORDINATE_NAMES[section]
     sliding = ""
-    if LAWS[claim["friction"]].two_sided:
+    if FRICTION_LAWS[claim["friction"]].two_sided:
         changes = (
             f"changes its sign exactly {claim['reversals']} times a period and is 0 nowhere else"
         )
@@ -252,9 +269,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
             "(pi - beta, pi - "
             f"gamma, -v), has a fixed point (gamma - pi/2, v) = (gamma_bar_0, v_0) with "
             f"gamma_bar_0 = {n[first]} rad "
-            f"and v_0 = {n[second]} rad/s, and no other with gamma within {room[first]} rad and v "
+            f"and v_0 = {n[second]} rad/s, and no other with gamma within {distance[first]} rad and v "
             f"within "
-            f"{room[second]} rad/s of it; through it runs {manner}, which S maps to itself, which "
+            f"{distance[second]} rad/s of it; through it runs {manner}, which S maps to itself, which "
             f"crosses beta = pi/2 "
             f"exactly twice a period and whose largest |beta - pi/2| is beta_max = {n['beta_max']} "
             f"rad, less than "
@@ -270,9 +287,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         f" at Omega = {claim['omega']} rad/s, the turn map, along the flow from gamma = pi/2 to "
         f"gamma = 5 pi/2, has a fixed point (beta - pi/2, v) = (beta_bar_top, v_top) with "
         f"beta_bar_top = {n[first]} "
-        f"rad and v_top = {n[second]} rad/s, and no other with beta within {room[first]} rad and v "
+        f"rad and v_top = {n[second]} rad/s, and no other with beta within {distance[first]} rad and v "
         f"within "
-        f"{room[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, "
+        f"{distance[second]} rad/s of it; through it runs {manner}, on which gamma grows all the time, "
         f"by 2 pi a period, "
         f"with 0 < beta - pi/2 < 1.5707{sliding}; its period is T = {n['period']} s, its Floquet "
         f"multiplier other than "

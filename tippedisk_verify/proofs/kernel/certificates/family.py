@@ -36,36 +36,41 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    MEASURED,
-    decimal,
+    NUMBER_SHAPE,
     one_of,
-    precision,
+    read_decimal,
+    read_precision,
     read_shape,
-    require_within_claim,
+    require_claimed_enclosure,
 )
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles
-from tippedisk_verify.proofs.kernel.field import constants
-from tippedisk_verify.proofs.kernel.half_map_of_curves import Arc, Curve, CurveReplay, arc_test
+from tippedisk_verify.proofs.kernel.half_map_of_curves import (
+    Arc,
+    Curve,
+    CurveReplay,
+    krawczyk_test_of_arc,
+)
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
+from tippedisk_verify.proofs.kernel.vector_field import field_constants
 
 __all__ = [
     "KINDS",
     "SHAPES",
-    "STEPS",
+    "STEPS_SHAPE",
+    "ArcJob",
+    "ArcMap",
     "ArcStatus",
-    "Job",
-    "Mapped",
     "Piece",
     "are_joined",
-    "box_test",
     "curve_fault",
     "enclosed_omega_crit",
+    "exact_magnitude_bound",
     "first_unproved_sign",
+    "krawczyk_test_of_box",
     "last_cycle",
     "sentence",
     "unique_within",
-    "upper_bound",
     "verify",
     "verify_piece",
 ]
@@ -74,15 +79,15 @@ __all__ = [
 KINDS = {"family of limit cycles": False, "whole family of limit cycles": True}
 _UNIQUENESS_KEYS = ("v_0_per_gamma_bar_0", "v_0", "omega")
 
-STEPS = [{"share": decimal, "axes?": [[decimal, 3], 3]}, None]
-BOX = {"radii": [decimal, 2], "steps": STEPS}
-ARC = {
-    "end": decimal,
-    "curve": [[decimal, None], 2],
-    "half": [decimal, None],
-    "bits": precision,
-    "box": BOX,
-    "wide box?": BOX,
+STEPS_SHAPE = [{"share": read_decimal, "axes?": [[read_decimal, 3], 3]}, None]
+BOX_SHAPE = {"radii": [read_decimal, 2], "steps": STEPS_SHAPE}
+ARC_SHAPE = {
+    "end": read_decimal,
+    "curve": [[read_decimal, None], 2],
+    "half": [read_decimal, None],
+    "bits": read_precision,
+    "box": BOX_SHAPE,
+    "wide box?": BOX_SHAPE,
 }
 
 Pair = tuple[Fraction, Fraction]
@@ -90,7 +95,7 @@ CoefficientRows = tuple[
     tuple[Fraction, ...], tuple[Fraction, ...]
 ]  #: coefficients of two polynomials
 #: The disk, the amplitude at which the arc begins, the arc's number, its evidence
-Job = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
+ArcJob = tuple[Mapping[str, str], Fraction, int, Mapping[str, Any]]
 
 
 class ArcStatus(Enum):
@@ -102,13 +107,13 @@ class ArcStatus(Enum):
         "the orbits of all these amplitudes could not be followed from section to section"
     )
     NOT_INCLUDED = "Krawczyk's image does not lie inside the box"
-    RISING = "Omega grows with the amplitude"
+    SPEED_GROWS = "Omega grows with the amplitude"
     UNSTABLE = "the limit cycles are unstable"
     NOT_JOINED = "it is not proved that two pieces of the family are one curve"
-    NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
+    SPEED_NOT_FALLING = "it is not proved that Omega falls as the amplitude grows"
     NOT_STABLE = "it is not proved that the limit cycles are asymptotically stable"
-    NOT_SLOWING = "it is not proved that the period grows with the amplitude"
-    NOT_WIDENING = "it is not proved that beta_max grows with the amplitude"
+    PERIOD_NOT_GROWING = "it is not proved that the period grows with the amplitude"
+    BETA_MAX_NOT_GROWING = "it is not proved that beta_max grows with the amplitude"
 
 
 @dataclass(frozen=True)
@@ -127,7 +132,7 @@ class Piece:
     curve: CoefficientRows
     unique_within: Pair  #: of the polynomials: no other cycle is nearer
     within: Pair  #: of the polynomials: the true values are this near
-    #: with the shape `ARC`
+    #: with the shape `ARC_SHAPE`
     evidence: Mapping[str, Any] = field(default_factory=dict, compare=False, repr=False)
 
     @property
@@ -160,23 +165,23 @@ class Piece:
         return middle - self.within[1], middle + self.within[1]
 
 
-def polynomial(texts: Sequence[str]) -> Jet:
+def polynomial_jet(texts: Sequence[str]) -> Jet:
     """Return the polynomial with these coefficients (decimals, lowest power first) as a jet."""
     return Jet([ball(Fraction(text)) for text in texts])
 
 
-def upper_bound(x: Any) -> Fraction:
+def exact_magnitude_bound(x: Any) -> Fraction:
     """Return an upper bound of the absolute values in a finite ball."""
     middle, radius = midpoint_and_radius(x)
     return abs(middle) + radius
 
 
-def box_test(
+def krawczyk_test_of_box(
     disk: Mapping[str, str],
     low: Fraction,
     arc: Mapping[str, Any],
     radii: Sequence[Fraction],
-    choices: Any,
+    proposer: Any,
 ) -> Arc:
     """Test if there is one limit cycle in a box about each point of an arc, by Krawczyk's operator.
 
@@ -187,7 +192,7 @@ def box_test(
         low: The amplitude at which the arc begins [rad].
         arc: Its end, and the coefficients of the two unknown numbers and of half the period.
         radii: The box's radii, for the two unknown numbers.
-        choices: The proposer of the flight's steps.
+        proposer: The proposer of the flight's steps.
 
     Returns:
         The test's result, which may be that the cycles are not included.
@@ -198,7 +203,7 @@ def box_test(
     high = Fraction(arc["end"])
     require(0 <= low < high, "its end is not above its beginning")
     begin, end = (low, high) if low else (low, high**2)
-    first, second, half = map(polynomial, (*arc["curve"], arc["half"]))
+    first, second, half = map(polynomial_jet, (*arc["curve"], arc["half"]))
     require(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
     require(min(radii) > 0, "a box is empty: a radius is not positive")
     parameter = Jet(
@@ -206,7 +211,7 @@ def box_test(
     )
     deviation = [arb(0), *(arb(0, ball(radius)) for radius in radii)]
     curve = (Curve if low else ScaledCurve)(parameter, first, second, deviation, half.mid())
-    return arc_test(constants(disk), curve, choices)
+    return krawczyk_test_of_arc(field_constants(disk), curve, proposer)
 
 
 def first_unproved_sign(arc: Arc) -> ArcStatus | None:
@@ -216,17 +221,17 @@ def first_unproved_sign(arc: Arc) -> ArcStatus | None:
     The properties are, in this order: Omega falls, the cycles are stable, the period grows and
     beta_max grows.
     """
-    falling, stable = arc.falling(), arc.stable()
+    falling, stable = arc.speed_falls(), arc.stable()
     if not falling:
-        return ArcStatus.NOT_FALLING if falling is None else ArcStatus.RISING
+        return ArcStatus.SPEED_NOT_FALLING if falling is None else ArcStatus.SPEED_GROWS
     if not stable:
         return ArcStatus.NOT_STABLE if stable is None else ArcStatus.UNSTABLE
-    if not arc.slowing():
-        return ArcStatus.NOT_SLOWING
-    return None if arc.widening() else ArcStatus.NOT_WIDENING
+    if not arc.period_grows():
+        return ArcStatus.PERIOD_NOT_GROWING
+    return None if arc.beta_max_grows() else ArcStatus.BETA_MAX_NOT_GROWING
 
 
-def verify_piece(job: Job) -> Piece:
+def verify_piece(job: ArcJob) -> Piece:
     """Check one arc in a certificate about the family of limit cycles, and return the piece that it
     proves.
 
@@ -235,20 +240,22 @@ def verify_piece(job: Job) -> Piece:
     wrong shape.
     """
     disk, low, number, content = job
-    arc = read_shape(content, ARC, f"arc {number}")
+    arc = read_shape(content, ARC_SHAPE, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
     tests: list[Arc] = []
     with working_precision(arc["bits"]):
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
             try:
-                tests.append(box_test(disk, low, arc, radii, CurveReplay(arc[name]["steps"])))
+                tests.append(
+                    krawczyk_test_of_box(disk, low, arc, radii, CurveReplay(arc[name]["steps"]))
+                )
                 require(tests[-1].included, ArcStatus.NOT_INCLUDED.value)
                 refusal = None if len(tests) > 1 else first_unproved_sign(tests[0])
                 require(refusal is None, refusal.value if refusal else "")
             except Unproved as fault:
                 raise Unproved(f"arc {number}, {name}: {fault}") from None
-        within = [upper_bound(off) for off in tests[0].within]
+        within = [exact_magnitude_bound(off) for off in tests[0].shift]
     boxes = [[Fraction(text) for text in arc[name]["radii"]] for name in (names[0], names[-1])]
     require(
         all(a <= b for a, b in zip(*boxes, strict=True)),
@@ -266,7 +273,7 @@ def verify_piece(job: Job) -> Piece:
 
 
 #: `map`, or that of a pool of processes
-Mapped = Callable[[Callable[[Job], Piece], Sequence[Job]], Iterable[Piece]]
+ArcMap = Callable[[Callable[[ArcJob], Piece], Sequence[ArcJob]], Iterable[Piece]]
 
 
 def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
@@ -277,10 +284,10 @@ def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """
     if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
         return False
-    return _known_in(first, second, amplitude) or _known_in(second, first, amplitude)
+    return _cycle_lies_in(first, second, amplitude) or _cycle_lies_in(second, first, amplitude)
 
 
-def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
+def _cycle_lies_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
     """Return True if the first piece's cycle at this amplitude is certainly the second piece's
     cycle: its enclosure lies in the second piece's box of uniqueness.
     """
@@ -291,14 +298,14 @@ def _known_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
         second.scaled_to(amplitude, second.unique_within),
         strict=True,
     )
-    return all(abs(mine - theirs) + near <= room for mine, near, theirs, room in parts)
+    return all(abs(mine - theirs) + near <= distance for mine, near, theirs, distance in parts)
 
 
 def enclosed_omega_crit(disk: Mapping[str, str]) -> Any:
     """Return a ball that holds the critical speed Omega_crit [rad/s] of a disk, given its exact
     numbers.
     """
-    c = constants(disk)
+    c = field_constants(disk)
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
@@ -326,12 +333,12 @@ def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction
     [1/s] on the first piece, one in v_0 [rad/s] on all later pieces, and one in Omega [rad/s] on
     all pieces.
     """
-    rooms = [
-        [room - near for room, near in zip(piece.unique_within, piece.within, strict=True)]
+    distances = [
+        [distance - near for distance, near in zip(piece.unique_within, piece.within, strict=True)]
         for piece in pieces
     ]
-    later = [room[0] for room in rooms[1:]] or [rooms[0][0]]
-    return rooms[0][0], min(later), min(room[1] for room in rooms)
+    later = [distance[0] for distance in distances[1:]] or [distances[0][0]]
+    return distances[0][0], min(later), min(distance[1] for distance in distances)
 
 
 def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
@@ -344,37 +351,41 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
     return omega, ball(last.high), v
 
 
-def _shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
+def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return the formats of the claim and of the evidence in a certificate about the family.
 
-    `reading.parsed` checks a file against them. If ``whole``, the family reaches up to the
-    connection, and both formats have further members for it.
+    `certificate_format.read_shape` checks a file against them. If ``whole``, the family reaches up
+    to the connection, and both formats have further members for it.
     """
     claim = {
         "friction": one_of("linear"),
-        "numbers": dict.fromkeys(("omega_crit", "omega_h") if whole else ("omega_crit",), MEASURED),
-        **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), decimal),
-        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, decimal),
+        "numbers": dict.fromkeys(
+            ("omega_crit", "omega_h") if whole else ("omega_crit",), NUMBER_SHAPE
+        ),
+        **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), read_decimal),
+        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, read_decimal),
     }
-    evidence: dict[str, Any] = {"arcs": [ARC, None]}
+    evidence: dict[str, Any] = {"arcs": [ARC_SHAPE, None]}
     if whole:
-        return claim | connection_cycles.CLAIM, evidence | {"end": connection_cycles.EVIDENCE}
+        return claim | connection_cycles.CLAIM_SHAPE, evidence | {
+            "end": connection_cycles.EVIDENCE_SHAPE
+        }
     return claim, evidence
 
 
-SHAPES = {kind: _shape(whole) for kind, whole in KINDS.items()}
+SHAPES = {kind: _family_shape(whole) for kind, whole in KINDS.items()}
 
 
-def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped = map) -> None:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcMap = map) -> None:
     """Check a certificate about the family of limit cycles. Raise Unproved unless its evidence
     proves its claim.
 
-    ``mapped`` applies `verify_piece` to the arcs, which are independent of each other.
+    ``map_arcs`` applies `verify_piece` to the arcs, which are independent of each other.
     """
     disk, arcs = claim["parameters"], evidence["arcs"]
     lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
     jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
-    pieces = list(mapped(verify_piece, jobs))
+    pieces = list(map_arcs(verify_piece, jobs))
     fault = curve_fault(disk, pieces)
     require(not fault, fault)
     for name, amplitude in (
@@ -390,15 +401,22 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], mapped: Mapped
         highest <= Fraction(claim["omega_end"]),
         "claim: omega_end is not shown to lie above the last cycle's speed",
     )
-    require_within_claim(claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit")
-    for name, room in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
+    require_claimed_enclosure(
+        claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit"
+    )
+    for name, distance in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
         require(
-            room >= Fraction(claim["unique_within"][name]) > 0,
+            distance >= Fraction(claim["unique_within"][name]) > 0,
             f"claim: it is not shown that no other {name} is so near",
         )
     if KINDS[claim["kind"]]:
-        meets = connection_cycles.verify(claim, evidence["end"]).meets(*last_cycle(pieces))
-        require(meets, "the last arc is not shown to run into the cycles next to the connection")
+        contains_cycle = connection_cycles.verify(claim, evidence["end"]).contains_cycle(
+            *last_cycle(pieces)
+        )
+        require(
+            contains_cycle,
+            "the last arc is not shown to run into the cycles next to the connection",
+        )
 
 
 def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
@@ -410,7 +428,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         claim: The claim of the certificate.
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
-    last, room, whole = (
+    last, distance, whole = (
         f"{claim['amplitude_end']} rad",
         claim["unique_within"],
         KINDS[claim["kind"]],
@@ -463,9 +481,9 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         "pi/2| < pi/2 between, "
         f"and then by S. For no a with 0 < a <= {last} there is another (v, Omega), v < 0, for "
         f"which P has the fixed "
-        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {room['omega']} rad/s and, where a "
+        f"point gamma = pi/2 + a, v, with |Omega - Omega(a)| <= {distance['omega']} rad/s and, where a "
         f"<= "
-        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {room['v_0_per_gamma_bar_0']} a/s, where "
+        f"{claim['amplitude_first']} rad, |v - v_0(a)| <= {distance['v_0_per_gamma_bar_0']} a/s, where "
         f"a is larger, |v - "
-        f"v_0(a)| <= {room['v_0']} rad/s.{beyond}"
+        f"v_0(a)| <= {distance['v_0']} rad/s.{beyond}"
     )

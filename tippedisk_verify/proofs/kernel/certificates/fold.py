@@ -14,13 +14,18 @@ from typing import Any, Literal
 
 from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, negative, positive, require
 from tippedisk_verify.proofs.kernel.certificate_format import (
-    MEASURED,
-    dyadic,
+    NUMBER_SHAPE,
     one_of,
-    require_within_claim,
+    read_dyadic,
+    require_claimed_enclosure,
 )
-from tippedisk_verify.proofs.kernel.certificates.cycle import UNKNOWNS
-from tippedisk_verify.proofs.kernel.krawczyk import BOX, FLIGHT, FixedPoints, replayed_test
+from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
+from tippedisk_verify.proofs.kernel.krawczyk import (
+    BOX_SHAPE,
+    FLIGHT_SHAPE,
+    KrawczykResult,
+    replayed_test,
+)
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     ROTATING_SECTION,
@@ -29,14 +34,14 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 
 __all__ = [
     "KINDS",
-    "POINTS",
     "SHAPES",
+    "TEST_NAMES",
     "arc_balls",
     "claimed_names",
     "extremum",
     "require_extremum",
     "sentence",
-    "slope",
+    "speed_slope",
     "verify",
 ]
 
@@ -44,29 +49,37 @@ KINDS = {
     "fold of limit cycles": LIBRATING_SECTION,
     "fold of rotating limit cycles": ROTATING_SECTION,
 }
-POINTS = ("arc", "lower end", "upper end")  #: the three tests: over the whole arc, and at its ends
+TEST_NAMES = (
+    "arc",
+    "lower end",
+    "upper end",
+)  #: the three tests: over the whole arc, and at its ends
 EXTREMA = ("smallest", "largest")
 
 
 def claimed_names(section: PoincareSection) -> tuple[str, ...]:
-    return "omega", *UNKNOWNS[section], "period"
+    return "omega", *COORDINATE_NAMES[section], "period"
 
 
-def arc_balls(place: Fraction, half: Fraction) -> tuple[Any, Any, Any]:
+def arc_balls(midpoint: Fraction, half_width: Fraction) -> tuple[Any, Any, Any]:
     """Return three balls of p, the first coordinate on the section: over a whole arc of cycles, at
     its lower and at its upper end.
 
     The arc contains all p with |p - place| <= half.
     """
-    return ball(place) + arb(0, ball(half).upper()), ball(place - half), ball(place + half)
+    return (
+        ball(midpoint) + arb(0, ball(half_width).upper()),
+        ball(midpoint - half_width),
+        ball(midpoint + half_width),
+    )
 
 
-def slope(fixed: FixedPoints) -> Any:
+def speed_slope(fixed: KrawczykResult) -> Any:
     """Return a ball of dOmega/dp along a curve of fixed points, from the result of a passed test.
 
     p is the first coordinate on the section, and Omega the speed of the cycle through it.
     """
-    (f, a, b), (g, c, d) = fixed.slopes
+    (f, a, b), (g, c, d) = fixed.jacobian
     return (c * f - a * g) / (a * d - b * c)
 
 
@@ -84,7 +97,7 @@ def extremum(lower: Any, upper: Any) -> Literal["smallest", "largest"] | None:
 def require_extremum(
     claim: Mapping[str, Any],
     section: PoincareSection,
-    points: Sequence[FixedPoints],
+    points: Sequence[KrawczykResult],
     radii: Sequence[Any],
 ) -> None:
     """Raise Unproved unless the passed tests, on a whole arc of cycles and at its ends, prove the
@@ -93,11 +106,11 @@ def require_extremum(
     Args:
         claim: The claim of a fold, with its numbers and the kind of extremum.
         section: The section of the cycles.
-        points: The results of the passed tests, in the order of `POINTS`.
+        points: The results of the passed tests, in the order of `TEST_NAMES`.
         radii: The radii of the arc's box, in v and Omega.
     """
     whole, numbers = points[0], claim["numbers"]
-    for point, name in zip(points[1:], POINTS[1:], strict=True):
+    for point, name in zip(points[1:], TEST_NAMES[1:], strict=True):
         # The arc's box holds one cycle only.
         deviations = zip(point.image[1:], whole.middle[1:], radii, strict=True)
         require(
@@ -105,53 +118,62 @@ def require_extremum(
             f"{name}: the cycle is not shown to be the arc's",
         )
     require(
-        extremum(*map(slope, points[1:])) == claim["extremum"],
+        extremum(*map(speed_slope, points[1:])) == claim["extremum"],
         "claim: the speed has no such extremum",
     )
     require(
         negative(whole.box.divergence), "claim: the third multiplier is not shown to be below 1"
     )
-    for name, x, middle, room in zip(
-        (UNKNOWNS[section][1], "omega"), whole.image[1:], whole.middle[1:], radii, strict=True
+    for name, x, middle, box_radius in zip(
+        (COORDINATE_NAMES[section][1], "omega"),
+        whole.image[1:],
+        whole.middle[1:],
+        radii,
+        strict=True,
     ):
-        require_within_claim(numbers[name], x, name)
+        require_claimed_enclosure(numbers[name], x, name)
         # The printed interval is a little wider than Krawczyk's image. It must lie in the box of
         # one cycle.
         printed = abs(ball(numbers[name]["value"]) - middle) + ball(numbers[name]["uncertainty"])
-        require(inside(printed, room), f"claim: {name} reaches beyond the box that holds one cycle")
-    require_within_claim(numbers["period"], section.flights_per_period * whole.box.time, "period")
+        require(
+            inside(printed, box_radius),
+            f"claim: {name} reaches beyond the box that holds one cycle",
+        )
+    require_claimed_enclosure(
+        numbers["period"], section.flights_per_period * whole.box.time, "period"
+    )
 
 
-_POINT = {"middle": [dyadic, 2], "centre": FLIGHT, "box": BOX}
+_TEST_SHAPE = {"middle": [read_dyadic, 2], "centre": FLIGHT_SHAPE, "box": BOX_SHAPE}
 SHAPES = {
     kind: (
         {
             "friction": one_of("linear"),  # the smooth law has no analytic curves of cycles
-            "numbers": dict.fromkeys(claimed_names(section), MEASURED),
+            "numbers": dict.fromkeys(claimed_names(section), NUMBER_SHAPE),
             "extremum": one_of(*EXTREMA),
         },
-        dict.fromkeys(POINTS, _POINT),
+        dict.fromkeys(TEST_NAMES, _TEST_SHAPE),
     )
     for kind, section in KINDS.items()
 }
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> None:
-    """Check a certificate about a fold: repeat the proof with the choices that it records.
+    """Check a certificate about a fold: repeat the proof with the evidence that it records.
 
     Args:
         claim: The claim, as read from the file.
-        evidence: The recorded choices.
+        evidence: The evidence, as read from the file.
 
     Raises:
-        Unproved: If the choices do not prove the claim.
+        Unproved: If the evidence does not prove the claim.
     """
     section = KINDS[claim["kind"]]
-    arc = claim["numbers"][UNKNOWNS[section][0]]
-    place, half = Fraction(arc["value"]), Fraction(arc["uncertainty"])
-    require(half > 0, f"claim: {UNKNOWNS[section][0]} is not an interval")
+    arc = claim["numbers"][COORDINATE_NAMES[section][0]]
+    midpoint, half_width = Fraction(arc["value"]), Fraction(arc["uncertainty"])
+    require(half_width > 0, f"claim: {COORDINATE_NAMES[section][0]} is not an interval")
     points = []
-    for name, p in zip(POINTS, arc_balls(place, half), strict=True):
+    for name, p in zip(TEST_NAMES, arc_balls(midpoint, half_width), strict=True):
         point = evidence[name]
         middle, deviations = [p.mid(), *point["middle"]], [p - p.mid(), *point["box"]["radii"]]
         log, box = point["centre"], point["box"]
@@ -169,7 +191,7 @@ def sentence(claim: Mapping[str, Any], numbers: Mapping[str, str]) -> str:
         numbers: The claimed numbers by name, each as text with its uncertainty.
     """
     section, n = KINDS[claim["kind"]], numbers
-    first, second = UNKNOWNS[section]
+    first, second = COORDINATE_NAMES[section]
     pair = f"there is exactly one pair of v within {n[second]} rad/s and Omega within {n['omega']} rad/s such that"
     if section == LIBRATING_SECTION:
         cycles = (

@@ -23,19 +23,19 @@ The stable manifold (7a.1)
 --------------------------
 The points from which an orbit stays in N for ever are a graph z_u = g(z_s, z_f; speed). Indeed, on
 each line along z_u the points that leave through either face form two open sets, which do not cover
-the line. By the cones of `saddle.cones` on A, two remaining points with equal z_s, z_f would drift
-apart. The remaining orbits converge to the saddle. There are three bounds:
+the line. By the cones of `saddle.cone_conditions` on A, two remaining points with equal z_s, z_f
+would drift apart. The remaining orbits converge to the saddle. There are three bounds:
 
-- The weights (k_u, k_s, k_f) = `steep` give
+- The weights (k_u, k_s, k_f) = `steep_weights` give
   |g - g'| <= k_u max(|z_s - z_s'| / k_s, |z_f - z_f'| / k_f, the speeds' difference).
-- At one speed |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|) with k = `lipschitz`.
+- At one speed |g - g'| <= k max(|z_s - z_s'|, |z_f - z_f'|) with k = `lipschitz_slope`.
 - With M in the place of A, and the saddle for the second orbit, |g| <= k max(|z_s|, |z_f|) with
-  k = `flat`.
+  k = `flat_slope`.
 
 An orbit *below* the graph (z_u < g) differs from the graph's with the same z_s, z_f by a vector of
 the cone with d_u < 0. It grows, so the orbit leaves N through z_u = -u. It does not leave before
-`time`: |d_u| grows at most at the rate `grows[1]`, and on leaving |d_u| is at least u - k max(s,
-t), k = `flat`.
+`min_passage_time`: |d_u| grows at most at the rate `growth_rates[1]`, and on leaving |d_u| is at
+least u - k max(s, t), k = `flat_slope`.
 
 The second compound (7a.2)
 --------------------------
@@ -47,10 +47,10 @@ Let d be a variation of an orbit. The products b_ij = F_i d_j - F_j d_i obey b' 
 
     |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2)
 
-falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf (`settled`,
-`ratio`). If d is the derivative with respect to the speed, F_i B_j - F_j B_i is added. Then |b_ij|
-<= X_ij stays true where C X + |F_i B_j - F_j B_i| < 0, for C with its off-diagonal entries made
-positive (X = `drift`).
+falls along the whole passage. b_uf falls faster, down to a bound by b_us and b_sf
+(`compound_bounds`, `compound_ratio_bound`). If d is the derivative with respect to the speed, F_i
+B_j - F_j B_i is added. Then |b_ij| <= X_ij stays true where C X + |F_i B_j - F_j B_i| < 0, for C
+with its off-diagonal entries made positive (X = `drift_weights`).
 
 b does not change if a multiple of F is added to d: it gives the variation on a section, at either
 end. The cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, b_us > 0 is kept, because b_us falls more
@@ -76,7 +76,7 @@ The flights (7a.1)
 ------------------
 The flights go from z_u = u about the first saddle to z_s = -s about the second one, many in one
 array. Each flight begins in a cell of starts (z_s, z_f) and of speeds. All flights take the same
-number of steps, but each has its own length of step. A step is that of `kernel.flow`, in doubles.
+number of steps, but each has its own length of step. A step is that of `kernel.step`, in doubles.
 
 In each step but the last, z_s < -s is proved throughout: directly over the whole step, or at the
 step's end together with F_s > 0 throughout. The last step begins before the section and ends after
@@ -94,7 +94,6 @@ Math. 20 (1990); Yu. A. Kuznetsov, Elements of Applied Bifurcation Theory, Secti
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
 from typing import Any
 
 import numpy as np
@@ -108,29 +107,31 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
-    abs_upper,
-    cones,
-    hull_of_array,
+    columnwise_hull,
+    cone_conditions,
+    hull_of_ball_array,
+    magnitude_bound,
     off_diagonal_sums,
-    products,
     require_positive,
+    wedge_product,
 )
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.step import Step, Trial
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 
-__all__ = ["Passage", "arrivals"]
+__all__ = ["SaddlePassage", "enclose_arrivals"]
 
 U, S, F = UNSTABLE, SLOW, FAST
 _MAX_CELLS, _AT_ONCE = 2**18, 2**11  # cells; in one array
 _ORDER = 8  # of the flights' series
 
 
-class Passage:
+class SaddlePassage:
     """The box N about the saddle, with enclosures of the field F over it and bounds of the passage.
 
     The constructor encloses the matrices A and M, the second compound's C and the derivative B by
-    the speed. `weighted` must come next: it shows the inequalities on which all other methods rely.
+    the speed. `verify_weights` must come next: it shows the inequalities on which all other methods
+    rely.
 
     Args:
         saddle: The coordinates z, with the ball of speeds.
@@ -145,8 +146,8 @@ class Passage:
         require_positive("7a.1: the extents", *self.extents)
         n, m = cells
         require(n * n * m <= _MAX_CELLS, "there are too many cells")
-        #: the largest |z_f| for which `stirred` is a bound
-        self.stirred_within = self.extents[F] / m
+        #: the largest |z_f| for which `speed_wedge_bounds` is a bound
+        self.speed_wedge_extent = self.extents[F] / m
         i, j, k = (
             places.ravel()
             for places in np.meshgrid(*map(np.arange, (n, 2 * n, 2 * m)), indexing="ij")
@@ -157,25 +158,23 @@ class Passage:
             np.maximum(k - m, m - 1 - k) * n // m,
         )
         whole: list[list[Any]] = [[] for _ in range(n)]
-        stirred: list[Any] = []
+        speed_wedges: list[Any] = []
         for begin in range(0, len(i), _AT_ONCE):
             block = slice(begin, begin + _AT_ONCE)
             z = [
                 x * BallArray((2 * place[block] + 1 - 2 * count) / 2, 0.5) * (1 / arb(count))
                 for x, place, count in zip(self.extents, (i, j, k), (n, n, m), strict=True)
             ]
-            held, mixed = self._over(z, (k[block] == m) | (k[block] == m - 1))
-            stirred += mixed
+            held, mixed = self._enclose_over_cells(z, (k[block] == m) | (k[block] == m - 1))
+            speed_wedges += mixed
             for shell in np.unique(shells[block]):
-                whole[shell].append([hull_of_array(x[shells[block] == shell]) for x in held])
-        self.stirred = [
-            abs_upper(reduce(arb.union, column)) for column in zip(*stirred, strict=True)
-        ]
-        self._means(
-            [[reduce(arb.union, column) for column in zip(*parts, strict=True)] for parts in whole]
-        )
+                whole[shell].append([hull_of_ball_array(x[shells[block] == shell]) for x in held])
+        self.speed_wedge_bounds = [magnitude_bound(hull) for hull in columnwise_hull(speed_wedges)]
+        self._set_matrices([columnwise_hull(parts) for parts in whole])
 
-    def _over(self, z: list[Any], central: NDArray[np.bool_]) -> tuple[list[Any], list[list[Any]]]:
+    def _enclose_over_cells(
+        self, z: list[Any], central: NDArray[np.bool_]
+    ) -> tuple[list[Any], list[list[Any]]]:
         """Enclose derivatives of the field F over an array of cells, boxes of coordinates z.
 
         Returns two lists. The first one contains the nine entries of DF, the sums of pairs of its
@@ -183,7 +182,7 @@ class Passage:
         contains the hull of the products F_i B_j - F_j B_i over the ``central`` cells. It is empty
         if there are no such cells.
         """
-        _, slopes, by_speed = self.saddle.field(z)
+        _, slopes, by_speed = self.saddle.rates_and_derivatives(z)
         d = [entry for row in slopes for entry in row]
         mixed = []
         if central.any():
@@ -195,12 +194,19 @@ class Passage:
             ]
             rates = [
                 sum(row, point)
-                for point, row in zip(self.saddle.field(middle)[0], changes, strict=True)
+                for point, row in zip(
+                    self.saddle.rates_and_derivatives(middle)[0], changes, strict=True
+                )
             ]
-            mixed = [[hull_of_array(x) for x in products(rates, [x[central] for x in by_speed])]]
+            mixed = [
+                [
+                    hull_of_ball_array(x)
+                    for x in wedge_product(rates, [x[central] for x in by_speed])
+                ]
+            ]
         return [*d, d[0] + d[4], d[0] + d[8], d[4] + d[8], *by_speed], mixed
 
-    def _means(self, shells: Sequence[Sequence[Any]]) -> None:
+    def _set_matrices(self, shells: Sequence[Sequence[Any]]) -> None:
         whole, total = shells[0], [arb(0)] * 15
         for held in shells:
             whole = [x.union(y) for x, y in zip(whole, held, strict=True)]
@@ -212,9 +218,9 @@ class Passage:
         self.C = arb_mat(
             [[c_us, a[S, F], -a[U, F]], [a[F, S], c_uf, a[U, S]], [-a[F, U], a[S, U], c_sf]]
         )
-        self.B = [abs_upper(x) for x in whole[12:]]
+        self.B = [magnitude_bound(x) for x in whole[12:]]
 
-    def weighted(self, weights: dict[str, Any]) -> None:
+    def verify_weights(self, weights: dict[str, Any]) -> None:
         """Show the inequalities of the proof (parts 7a.1 to 7a.5) that concern the box N alone,
         with given weights.
 
@@ -222,85 +228,95 @@ class Passage:
         the weights, and the bounds that follow from them, for the other methods. Raises Unproved
         with the inequality that fails.
         """
-        self.steep, self.compound, self.drift = (
+        self.steep_weights, self.compound_weights, self.drift_weights = (
             weights["steep"],
             weights["compound"],
             weights["drift"],
         )
-        self.flat, self.lipschitz, self.thin = (
+        self.flat_slope, self.lipschitz_slope, self.thin_slope = (
             weights["flat"],
             weights["lipschitz"],
             weights["thin"],
         )
         require_positive(
             "7a.1: the weights",
-            *self.steep,
-            *self.compound,
-            *self.drift,
-            self.flat,
-            self.lipschitz,
-            self.thin,
+            *self.steep_weights,
+            *self.compound_weights,
+            *self.drift_weights,
+            self.flat_slope,
+            self.lipschitz_slope,
+            self.thin_slope,
         )
         (u, s, t), a, m, c = self.extents, self.A, self.M, self.C
         rest = off_diagonal_sums(m, self.extents)
         #: least rates of decay of |z_s| and |z_f|, down to `forcing`
-        self.decay = [-m[S, S], -m[F, F]]
-        require_positive("7a.1: the stable directions", *self.decay)
-        self.forcing = [abs_upper(rest[S] / self.decay[0]), abs_upper(rest[F] / self.decay[1])]
+        self.decay_rates = [-m[S, S], -m[F, F]]
+        require_positive("7a.1: the stable directions", *self.decay_rates)
+        self.forcing = [
+            magnitude_bound(rest[S] / self.decay_rates[0]),
+            magnitude_bound(rest[F] / self.decay_rates[1]),
+        ]
         require_positive("7a.1: the face of z_u", m[U, U] * u - rest[U])
         require_positive("7a.1: the faces of z_s and z_f", s - self.forcing[0], t - self.forcing[1])
-        require_positive("7a.1: the cones of the steep weights", *cones(a, self.steep, self.B))
-        for matrix, weight in ((m, self.flat), (a, self.lipschitz)):
+        require_positive(
+            "7a.1: the cones of the steep weights", *cone_conditions(a, self.steep_weights, self.B)
+        )
+        for matrix, weight in ((m, self.flat_slope), (a, self.lipschitz_slope)):
             require_positive(
-                "7a.1: the cones of the flat weights", *cones(matrix, (weight, arb(1), arb(1)))
+                "7a.1: the cones of the flat weights",
+                *cone_conditions(matrix, (weight, arb(1), arb(1))),
             )
         # Bounds of the growth rate of |d_u| in the steep cone.
-        rest_u = off_diagonal_sums(a, self.steep)[U] / self.steep[U]
-        self.grows = (
-            (a[U, U] - rest_u - self.B[U] / self.steep[U]).lower(),
+        rest_u = off_diagonal_sums(a, self.steep_weights)[U] / self.steep_weights[U]
+        self.growth_rates = (
+            (a[U, U] - rest_u - self.B[U] / self.steep_weights[U]).lower(),
             (a[U, U] + rest_u).upper(),
         )
         # |b| = max(|b_us|, |b_uf| / k_1, |b_sf| / k_2) falls, and b_us more slowly than the others.
-        sizes = (arb(1), *self.compound)
+        sizes = (arb(1), *self.compound_weights)
         rest = [x / k for x, k in zip(off_diagonal_sums(c, sizes), sizes, strict=True)]
         rates = [(c[k, k] + rest[k]).upper() for k in range(3)]
-        self.rate, self.slowest = (
+        self.compound_decay_rate, self.max_us_decay_rate = (
             -rates[0].max(rates[1]).max(rates[2]),
             -(c[0, 0] - rest[0]).lower(),
         )
-        self.falls, self.fed = (
+        self.min_uf_decay_rate, self.uf_forcing = (
             (-c[1, 1]).lower(),
-            abs_upper(abs(c[1, 0]) + abs(c[1, 2]) * self.compound[1]),
+            magnitude_bound(abs(c[1, 0]) + abs(c[1, 2]) * self.compound_weights[1]),
         )
         require_positive(
             "7a.2: the second compound falls",
-            self.rate,
-            self.falls - self.rate,
-            self.falls - self.slowest,
+            self.compound_decay_rate,
+            self.min_uf_decay_rate - self.compound_decay_rate,
+            self.min_uf_decay_rate - self.max_us_decay_rate,
         )
         require_positive(
-            "7a.3: the cone of the second compound", *(-self.slowest - rate for rate in rates[1:])
+            "7a.3: the cone of the second compound",
+            *(-self.max_us_decay_rate - rate for rate in rates[1:]),
         )
         require_positive(
             "7a.5: the variation by the speed",
             *(
-                -c[k, k] * self.drift[k] - rest - stirred
-                for k, rest, stirred in zip(
-                    range(3), off_diagonal_sums(c, self.drift), self.stirred, strict=True
+                -c[k, k] * self.drift_weights[k] - rest - bound
+                for k, rest, bound in zip(
+                    range(3),
+                    off_diagonal_sums(c, self.drift_weights),
+                    self.speed_wedge_bounds,
+                    strict=True,
                 )
             ),
         )
-        self._thin_set()
-        self._quadrant(weights["return"])
+        self._show_thin_set()
+        self._show_quadrant(weights["return"])
 
-    def _thin_set(self) -> None:
+    def _show_thin_set(self) -> None:
         """Show that orbits stay in the thin set |z_f| <= k_3 max(|z_u|, |z_s|) (part 7a.4).
 
-        k_3 is the weight ``thin``. Stores in ``ratios`` enclosures of z / z_u where beta_bar = 0
-        in this set. Raises Unproved.
+        k_3 is the weight ``thin_slope``. Stores in ``crossing_ratios`` enclosures of z / z_u where
+        beta_bar = 0 in this set. Raises Unproved.
         """
-        m, k, p = self.M, self.thin, self.saddle.directions
-        falls = self.decay[1] - (abs(m[F, U]) + abs(m[F, S])) / k
+        m, k, p = self.M, self.thin_slope, self.saddle.directions
+        falls = self.decay_rates[1] - (abs(m[F, U]) + abs(m[F, S])) / k
         for i, j in ((U, S), (S, U)):
             require_positive(
                 "7a.4: the thin set", falls + m[i, i] - abs(m[i, j]) - abs(m[i, F]) * k
@@ -308,28 +324,29 @@ class Passage:
         # With m = max(|z_u|, |z_s|) and z_s = r z_u + q z_f there, m <= max(1, r) |z_u| + |q| k m.
         r, q = -p[0, U] / p[0, S], -p[0, F] / p[0, S]
         require_positive("7a.4: the thin set at beta_bar = 0", 1 - abs(q) * k)
-        fast = arb(0, abs_upper(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
-        self.ratios = arb(1), r + q * fast, fast
+        fast = arb(0, magnitude_bound(k * abs(r).max(arb(1)) / (1 - abs(q) * k)))
+        self.crossing_ratios = arb(1), r + q * fast, fast
         require_positive(
             "7a.4: the signs at beta_bar = 0",
-            self.ratios[S],
-            self.at_crossing(1),
-            self.at_crossing(2),
+            self.crossing_ratios[S],
+            self.crossing_direction(1),
+            self.crossing_direction(2),
         )
-        require_positive("7a.4: the weights of the graph", 1 - k, 1 - self.flat)
+        require_positive("7a.4: the weights of the graph", 1 - k, 1 - self.flat_slope)
         require_positive(
-            "7a.4: beta_bar on the graph", -p[0, S] - abs(p[0, U]) * self.flat - abs(p[0, F]) * k
+            "7a.4: beta_bar on the graph",
+            -p[0, S] - abs(p[0, U]) * self.flat_slope - abs(p[0, F]) * k,
         )
 
-    def at_crossing(self, row: int) -> Any:
+    def crossing_direction(self, row: int) -> Any:
         """Return an enclosure of y_row / z_u where an orbit in the thin set crosses beta_bar = 0.
 
         y = (beta_bar, y_g, v) is the offset from the saddle, so row 1 is gamma's and row 2 is v's.
         z_u is the coordinate along the unstable direction.
         """
-        return sum(self.saddle.directions[row, k] * self.ratios[k] for k in range(3))
+        return sum(self.saddle.directions[row, k] * self.crossing_ratios[k] for k in range(3))
 
-    def _quadrant(self, rate: Any) -> None:
+    def _show_quadrant(self, rate: Any) -> None:
         """Show that orbits do not leave the set K within N (7a.4).
 
         K contains all offsets y from the saddle with beta_bar <= 0, y_g <= 0 and v <= -p beta_bar,
@@ -353,31 +370,36 @@ class Passage:
         It is the mean value form about the box's midpoint.
         """
         middle = [x.mid() for x in z]
-        change = arb_mat(self.saddle.field(z)[1]) * arb_mat(
+        change = arb_mat(self.saddle.rates_and_derivatives(z)[1]) * arb_mat(
             [[x - y] for x, y in zip(z, middle, strict=True)]
         )
-        return [x + y for x, y in zip(self.saddle.field(middle)[0], change.entries(), strict=True)]
+        return [
+            x + y
+            for x, y in zip(
+                self.saddle.rates_and_derivatives(middle)[0], change.entries(), strict=True
+            )
+        ]
 
-    def time(self, distance: Any) -> Any:
+    def min_passage_time(self, distance: Any) -> Any:
         """Return a lower bound [s] of the time that orbits starting close to the stable manifold
         stay in the box N about the saddle.
 
         They start at most ``distance`` below the manifold's graph, measured along z_u.
         """
         u, s, t = self.extents
-        return (((u - self.flat * s.max(t)) / distance).log() / self.grows[1]).lower()
+        return (((u - self.flat_slope * s.max(t)) / distance).log() / self.growth_rates[1]).lower()
 
-    def fallen(self, slow: Any, fast: Any, time: Any) -> list[Any]:
-        """Return upper bounds of |z_s| and |z_f| of orbits that have been in the box N for ``time``
-        [s].
+    def stable_bounds(self, slow: Any, fast: Any, time: Any) -> list[Any]:
+        """Return upper bounds of |z_s| and |z_f| of orbits that have been in the box N for
+        ``min_passage_time`` [s].
 
         z_s and z_f are the coordinates along the two stable directions of the saddle. ``slow`` and
         ``fast`` are bounds of |z_s| and |z_f| at the start.
         """
-        parts = zip((slow, fast), self.decay, self.forcing, strict=True)
-        return [abs_upper(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
+        parts = zip((slow, fast), self.decay_rates, self.forcing, strict=True)
+        return [magnitude_bound(x * (-rate.lower() * time).exp() + rest) for x, rate, rest in parts]
 
-    def crossing(self, lid: Any, fast: Any, moment: Any) -> Any:
+    def crossing_bound(self, lid: Any, fast: Any, moment: Any) -> Any:
         """Return an upper bound of |z_u| for orbits in the box N where they reach beta_bar = 0,
         having started below the stable manifold's graph.
 
@@ -387,48 +409,59 @@ class Passage:
         """
         _, s, _ = self.extents
         require_positive("7a.4: the moment of crossing", moment)
-        early = (lid + self.flat * s) * (self.grows[1] * moment).exp() + self.flat * s
-        return abs_upper(early).max(
-            abs_upper(self.fallen(s, fast, moment)[0] / self.ratios[S].lower())
+        early = (lid + self.flat_slope * s) * (
+            self.growth_rates[1] * moment
+        ).exp() + self.flat_slope * s
+        return magnitude_bound(early).max(
+            magnitude_bound(
+                self.stable_bounds(s, fast, moment)[0] / self.crossing_ratios[S].lower()
+            )
         )
 
-    def settled(self, b: Sequence[Any], time: Any) -> list[Any]:
-        """Return upper bounds of |b_us| and |b_uf|, entries of the second compound, after ``time``
-        [s] in N.
+    def compound_bounds(self, b: Sequence[Any], time: Any) -> list[Any]:
+        """Return upper bounds of |b_us| and |b_uf|, entries of the second compound, after
+        ``min_passage_time`` [s] in N.
 
         ``b`` holds the entries (b_us, b_uf, b_sf) at the start: the 2 x 2 minors of the field and a
         variation of the orbit. N is the box about the saddle.
         """
-        k_1, k_2 = self.compound
-        size = abs_upper(b[0]).max(abs_upper(b[1] / k_1)).max(abs_upper(b[2] / k_2))
-        first = abs_upper(size * (-self.rate * time).exp())
+        k_1, k_2 = self.compound_weights
+        size = (
+            magnitude_bound(b[0]).max(magnitude_bound(b[1] / k_1)).max(magnitude_bound(b[2] / k_2))
+        )
+        first = magnitude_bound(size * (-self.compound_decay_rate * time).exp())
         return [
             first,
-            abs_upper(
-                size * k_1 * (-self.falls * time).exp()
-                + first * self.fed / (self.falls - self.rate)
+            magnitude_bound(
+                size * k_1 * (-self.min_uf_decay_rate * time).exp()
+                + first * self.uf_forcing / (self.min_uf_decay_rate - self.compound_decay_rate)
             ),
         ]
 
-    def ratio(self, time: Any) -> Any:
+    def compound_ratio_bound(self, time: Any) -> Any:
         """Return an upper bound of |b_uf| / b_us, a ratio of entries of the second compound, after
-        ``time`` [s] in the box N.
+        ``min_passage_time`` [s] in the box N.
 
         The second compound b starts in the cone |b_uf| <= k_1 b_us, |b_sf| <= k_2 b_us, and stays
         in it.
         """
-        faded = self.compound[0] * ((self.slowest - self.falls) * time).exp()
-        return abs_upper(faded + self.fed / (self.falls - self.slowest))
+        faded = (
+            self.compound_weights[0]
+            * ((self.max_us_decay_rate - self.min_uf_decay_rate) * time).exp()
+        )
+        return magnitude_bound(
+            faded + self.uf_forcing / (self.min_uf_decay_rate - self.max_us_decay_rate)
+        )
 
 
-def arrivals(
+def enclose_arrivals(
     saddle: SaddleCoordinates,
     extents: Sequence[Any],
     slow: BallArray,
     fast: Any,
     lengths: NDArray[np.float64],
     count: int,
-    watch: Callable[[float], None] = lambda share: None,
+    on_progress: Callable[[float], None] = lambda share: None,
 ) -> list[list[Any]]:
     """Enclose many flights from one saddle to the next: their arrivals on the section z_s = -s,
     with derivatives.
@@ -444,7 +477,7 @@ def arrivals(
         fast: The ball of z_f at all starts.
         lengths: The length of each flight's steps [s].
         count: The number of steps of a flight.
-        watch: Called after each step with the share of the steps that is done.
+        on_progress: Called after each step with the share of the steps that is done.
 
     Returns:
         Four rows: for z_u, z_f and the time [s] on arrival, and for the largest beta_bar. Each row
@@ -454,69 +487,71 @@ def arrivals(
         Unproved: With the number of the first flight that is not proved.
     """
     path, s = (
-        saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _Axes()),
+        saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _ImageAxes()),
         extents[S],
     )
-    tops: list[list[Any]] = []
-    passed_extreme = np.zeros(len(lengths), bool)
+    maxima: list[list[Any]] = []
+    has_maximum = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = Trial(path, (_ORDER, _ORDER)).tested(BallArray(lengths))
+        step = StepTrial(path, (_ORDER, _ORDER)).tested_step(BallArray(lengths))
         _require_all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
         )
-        at_extreme = _climbs(path.model, step)
-        if at_extreme.any():
+        may_have_maximum = _may_have_maximum(path.model, step)
+        if may_have_maximum.any():
             half = step.length / 2
-            by = step.derivatives_at(half + half.around_zero())[0][1:]
-            tops.append([hull_of_array(x[at_extreme]) for x in (step.enclosure[0], *by)])
-        passed_extreme |= at_extreme
-        watch(number / count)
+            by = step.path_derivatives_at(half + half.around_zero())[0][1:]
+            maxima.append(
+                [hull_of_ball_array(x[may_have_maximum]) for x in (step.enclosure[0], *by)]
+            )
+        has_maximum |= may_have_maximum
+        on_progress(number / count)
         if number == count:
             break
-        path.take(step)
-        z = saddle.arrived(step.enclosure)
-        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.frame)[S] + s
+        path.take_step(step)
+        z = saddle.second_saddle_coordinates(step.enclosure)
+        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.state_set)[S] + s
         _require_all(
             "it is not shown to be on its way",
             (-level).positive(),
             rate.positive() | (-s - z[S]).positive(),
         )
-    _require_all("beta_bar is not shown to have a largest value on the way", passed_extreme)
-    beta = [reduce(arb.union, column) for column in zip(*tops, strict=True)]
-    time, *landed = _landed(saddle, path, step, s)
+    _require_all("beta_bar is not shown to have a largest value on the way", has_maximum)
+    beta = columnwise_hull(maxima)
+    time, *landed = _enclosed_arrival(saddle, path, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
-    return [*([hull_of_array(x) for x in row] for row in rows), beta]
+    return [*([hull_of_ball_array(x) for x in row] for row in rows), beta]
 
 
-class _Axes:
+class _ImageAxes:
     """A rule for the axes of sets of states in flights, in place of a search.
 
     The axes are the images of the first two, which started along z_u and z_s, and the axis of v.
     """
 
-    def axes(
+    def new_axes(
         self, moved_axes: Sequence[Sequence[Any]], sizes: Any, stiffness: Any
     ) -> list[list[Any]]:
         return [[*row[: S + 1], row[F].constant(int(k == 2))] for k, row in enumerate(moved_axes)]
 
-    def step_taken(self, *_: Any) -> None:
+    def record_step(self, *_: Any) -> None:
         """Do nothing: the steps of these flights are not recorded."""
 
 
-def _require_all(what: str, *verified: NDArray[np.bool_]) -> None:
+def _require_all(statement: str, *verified: NDArray[np.bool_]) -> None:
     """Raise Unproved unless all masks are True for all flights.
 
     ``verified`` are masks with an entry for each flight. The message contains the number of the
-    first flight that fails, and ``what``.
+    first flight that fails, and ``statement``.
     """
     flights = np.logical_and.reduce(verified)
     if not flights.all():
-        raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {what}")
+        raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {statement}")
 
 
-def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
+def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
     """Show that gamma grows and that v has at most one zero in the step of each flight.
 
     Returns a mask of the flights in which v may have a zero. Raises Unproved with the first flight
@@ -528,16 +563,16 @@ def _climbs(model: Model, step: Step) -> NDArray[np.bool_]:
         beta.positive(),
         (ball(BELOW_HALF_PI) - beta).positive(),
     )
-    at_extreme: NDArray[np.bool_] = ~(v.positive() | v.negative())
-    if at_extreme.any():
+    may_have_maximum: NDArray[np.bool_] = ~(v.positive() | v.negative())
+    if may_have_maximum.any():
         _require_all(
             "v is not shown to pass zero once",
-            ~at_extreme | model.rates(step.enclosure)[2].negative(),
+            ~may_have_maximum | model.rates(step.enclosure)[2].negative(),
         )
-    return at_extreme
+    return may_have_maximum
 
 
-def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
+def _enclosed_arrival(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
     """Enclose where and when flights arrive on the section z_s = -s, in the last step of each.
 
     Returns three rows: for the time [s] since the step's start, for z_u and for z_f. Each row has
@@ -546,8 +581,8 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
     """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.enclosed_coordinates(path.carried(step, middle))[S] + s
-    rate = saddle.rates(saddle.arrived(step.enclosure))[S]
+    level = saddle.enclosed_coordinates(path.states_after(step, middle))[S] + s
+    rate = saddle.rates(saddle.second_saddle_coordinates(step.enclosure))[S]
     for _ in range(2):
         _require_all("it is not shown to pass z_s = -s once", rate.positive())
         time = middle - level / rate
@@ -556,11 +591,13 @@ def _landed(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[l
             time.positive(),
             (step.length - time).positive(),
         )
-        rate = saddle.rates(saddle.enclosed_coordinates(path.carried(step, time.union(middle))))[S]
-    frame = path.carried(step, time)
-    z = saddle.enclosed_coordinates(frame)
+        rate = saddle.rates(
+            saddle.enclosed_coordinates(path.states_after(step, time.union(middle)))
+        )[S]
+    state_set = path.states_after(step, time)
+    z = saddle.enclosed_coordinates(state_set)
     z[S] = z[S].constant(-s)
-    rates, rows = saddle.rates(z), saddle.columns(frame.matrix())
+    rates, rows = saddle.rates(z), saddle.columns_in_coordinates(state_set.derivative_matrix())
     _require_all("it is not shown to arrive", rates[S].positive())
     by_time = [-rows[S][k] / rates[S] for k in (1, 2, 3)]
     by_u, by_f = ([rows[i][k] + rates[i] * by_time[k - 1] for k in (1, 2, 3)] for i in (U, F))

@@ -38,7 +38,7 @@ Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta
 Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
 cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
 the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
-Its point there has |w_i| <= k_i theta_0 (`show_departure`).
+Its point there has |w_i| <= k_i theta_0 (`show_unstable_cone`).
 
 Isolating block (6.3)
 ---------------------
@@ -85,12 +85,17 @@ from tippedisk_verify.proofs.kernel.balls import (
     require,
     series_length,
 )
-from tippedisk_verify.proofs.kernel.certificate_format import LAWS
-from tippedisk_verify.proofs.kernel.field import constants, field, sliding_motion
-from tippedisk_verify.proofs.kernel.frame import Frame
+from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
+from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.sliding import law_model
-from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
+from tippedisk_verify.proofs.kernel.vector_field import (
+    field_constants,
+    sliding_motion,
+    vector_field,
+)
 
 __all__ = [
     "FAST",
@@ -98,30 +103,31 @@ __all__ = [
     "UNSTABLE",
     "ManifoldGraph",
     "SaddleCoordinates",
-    "abs_upper",
-    "cones",
-    "hull_of_array",
+    "columnwise_hull",
+    "cone_conditions",
+    "hull_of_ball_array",
+    "magnitude_bound",
     "off_diagonal_sums",
-    "products",
     "require_positive",
-    "show_departure",
     "show_isolating_block",
+    "show_unstable_cone",
+    "wedge_product",
 ]
 
 UNSTABLE, SLOW, FAST = 0, 1, 2
 
 
-def require_positive(what: str, *slacks: Any) -> None:
+def require_positive(statement: str, *slacks: Any) -> None:
     """Raise Unproved unless all numbers in the given balls are positive.
 
-    ``slacks`` are the balls. The message is ``what`` with the ball that fails. ``what`` begins with
-    the number of the part of the proof in docs/certified_connection.md.
+    ``slacks`` are the balls. The message is ``statement`` with the ball that fails. ``statement``
+    begins with the number of the part of the proof in docs/certified_connection.md.
     """
     for slack in slacks:
-        require(bool(positive(slack)), f"{what}: {slack.str(4)} is not shown to be positive")
+        require(bool(positive(slack)), f"{statement}: {slack.str(4)} is not shown to be positive")
 
 
-def abs_upper(x: Any) -> Any:
+def magnitude_bound(x: Any) -> Any:
     """Return an upper bound of |x| over the ball x, as a ball without width."""
     return x.abs_upper()
 
@@ -133,7 +139,9 @@ def off_diagonal_sums(matrix: Any, weights: Sequence[Any]) -> list[Any]:
     ]
 
 
-def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)) -> list[Any]:
+def cone_conditions(
+    matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 0)
+) -> list[Any]:
     """Return three balls. If all of them are positive, differences of orbits obey the cone
     conditions.
 
@@ -153,7 +161,7 @@ def cones(matrix: Any, weights: Sequence[Any], by_speed: Sequence[Any] = (0, 0, 
     return [matrix[0, 0] - rest[0], -matrix[1, 1] - rest[1], -matrix[2, 2] - rest[2]]
 
 
-def hull_of_array(x: BallArray) -> Any:
+def hull_of_ball_array(x: BallArray) -> Any:
     """Return one of Arb's balls that contains all balls of an array.
 
     The ends of the balls, rounded sums in doubles, are moved outwards by one ulp. Returns NaN if a
@@ -168,7 +176,12 @@ def hull_of_array(x: BallArray) -> Any:
     return arb(float(low)).union(arb(float(high)))
 
 
-def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
+def columnwise_hull(rows: Sequence[Sequence[Any]]) -> list[Any]:
+    """Return, for each column of Arb's balls, a ball that contains all balls of the column."""
+    return [reduce(arb.union, column) for column in zip(*rows, strict=True)]
+
+
+def wedge_product(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     """Return the list of x_i y_j - x_j y_i for the pairs (i, j) = us, uf, sf of coordinates.
 
     u, s and f are the components along the unstable, slow stable and fast stable direction.
@@ -178,7 +191,7 @@ def products(x: Sequence[Any], y: Sequence[Any]) -> list[Any]:
     ]
 
 
-class _SaddleOps:
+class _ShiftedAngleOps:
     """The sine and cosine for the equations of motion about the saddle, where gamma_bar = pi + y.
 
     The object ``angle`` stands for y: its sine and cosine change their sign. Other angles are
@@ -217,26 +230,27 @@ class SaddleCoordinates:
             self.inverse = self.directions.inv()
         except ZeroDivisionError:
             raise Unproved("the directions at the saddle have no inverse") from None
-        self.constants = constants(disk)
+        self.constants = field_constants(disk)
 
     def offset(self, z: Sequence[Any]) -> list[Any]:
         """Convert coordinates z about the saddle to the offset y = P z in (beta_bar,
         gamma_bar, v).
         """
-        return _times(self.directions, z)
+        return matrix_times_vector(self.directions.tolist(), z)
 
     def coordinates(self, offset: Sequence[Any]) -> list[Any]:
         """Convert an ``offset`` y from the saddle, in (beta_bar, gamma_bar, v), to coordinates z =
         P^-1 y.
         """
-        return _times(self.inverse, offset)
+        return matrix_times_vector(self.inverse.tolist(), offset)
 
-    def arrived(self, state: Sequence[Any]) -> list[Any]:
+    def second_saddle_coordinates(self, state: Sequence[Any]) -> list[Any]:
         """Convert a state (beta_bar, gamma_bar, v) to the coordinates z about the second saddle."""
         return self.coordinates([state[0], state[1] - arb.pi(), state[2]])
 
-    def law(self, side: int | None) -> Any:
-        """Return the field F in the coordinates z, as the ``law`` that `proved_flow.Model` expects.
+    def vector_field_maker(self, side: int | None) -> Any:
+        """Return the field F in the coordinates z, as the ``make_vector_field`` that
+        `proved_flow.Model` expects.
 
         ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
         itself.
@@ -245,8 +259,11 @@ class SaddleCoordinates:
         def in_z(ops: Any, numbers: Any, omega: Any) -> Any:
             def rates(*z: Any) -> Any:
                 beta, gamma, v = self.offset(z)
-                of_y = field(
-                    _SaddleOps(ops, gamma), numbers, omega, self.friction if side is None else side
+                of_y = vector_field(
+                    _ShiftedAngleOps(ops, gamma),
+                    numbers,
+                    omega,
+                    self.friction if side is None else side,
                 )
                 return self.coordinates(of_y(beta, gamma, v))
 
@@ -260,19 +277,21 @@ class SaddleCoordinates:
 
         ``side`` is the sign of gamma_y whose analytic law is meant; None is the law itself.
         """
-        return list(self.law(side)(BallOps, self.constants, self.omega)(*z))
+        return list(self.vector_field_maker(side)(BallOps, self.constants, self.omega)(*z))
 
     @property
     def two_sided(self) -> bool:
         """True if the friction law has two analytic sides."""
-        return LAWS[self.friction].two_sided
+        return FRICTION_LAWS[self.friction].two_sided
 
     @cached_property
     def _models(self) -> dict[int | None, Model]:
         sides = (1, -1) if self.two_sided else (None,)
-        return {side: Model(self.constants, self.omega, self.law(side)) for side in sides}
+        return {
+            side: Model(self.constants, self.omega, self.vector_field_maker(side)) for side in sides
+        }
 
-    def field(
+    def rates_and_derivatives(
         self, z: Sequence[Any], side: int | None = None
     ) -> tuple[list[Any], list[list[Any]], list[Any]]:
         """Enclose the field F, its derivative DF and its derivative B by the speed over a box of z.
@@ -285,11 +304,11 @@ class SaddleCoordinates:
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
         sets = [
-            [series[1] for series in model.variational.coefficients(start, 1)]
+            [series[1] for series in model.variational_system.coefficients(start, 1)]
             for own, model in self._models.items()
             if own is None or side in (None, own)
         ]
-        derivatives = [reduce(arb.union, column) for column in zip(*sets, strict=True)]
+        derivatives = columnwise_hull(sets)
         return (
             derivatives[:3],
             [derivatives[3 + row : 12 : 3] for row in range(3)],
@@ -304,7 +323,7 @@ class SaddleCoordinates:
             pairs = zip(self.offset(z), self.offset(direction), strict=True)
             beta, gamma, v = (arb_series([x, slope], prec=2) for x, slope in pairs)
             moved, _ = sliding_motion(
-                _SaddleOps(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
+                _ShiftedAngleOps(BallOps, gamma), self.constants, self.omega, (beta, gamma, v)
             )
             return coefficient(moved, 1)
 
@@ -317,38 +336,42 @@ class SaddleCoordinates:
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        path = law_model(self.friction, self.constants, self.omega).path(
+        path = model_for_friction(self.friction, self.constants, self.omega).path(
             start, proposer, derivatives=True
         )
-        frame = path.frame = Frame([x.mid() for x in start], self.omega)
+        state_set = path.state_set = Doubleton([x.mid() for x in start], self.omega)
         directions = self.directions.tolist()
-        frame.axes, frame.rest = directions, self.coordinates([x - x.mid() for x in start])
-        frame.lead = [
-            [*row, entries[3]] for row, entries in zip(directions, frame.lead, strict=True)
+        state_set.axes, state_set.remainder = (
+            directions,
+            self.coordinates([x - x.mid() for x in start]),
+        )
+        state_set.linear_part = [
+            [*row, entries[3]]
+            for row, entries in zip(directions, state_set.linear_part, strict=True)
         ]
-        frame.deviation = [*(x - x.mid() for x in z), frame.deviation[3]]
-        path.box = frame.box()
+        state_set.deviation = [*(x - x.mid() for x in z), state_set.deviation[3]]
+        path.box = state_set.box()
         return path
 
     def enclosed_coordinates(
-        self, frame: Frame, deviation: Sequence[Any] | None = None
+        self, state_set: Doubleton, deviation: Sequence[Any] | None = None
     ) -> list[Any]:
         """Return a box of coordinates z about the second saddle that encloses the states of a set
-        ``frame``.
+        ``state_set``.
 
         It is summed over the set's own axes, which keeps it narrow. With ``deviation``, a vector in
         the start and the speed, only the states of these deviations are enclosed.
         """
-        lead, axes = map(self.columns, (frame.lead, frame.axes))
-        d = frame.deviation if deviation is None else deviation
+        lead, axes = map(self.columns_in_coordinates, (state_set.linear_part, state_set.axes))
+        d = state_set.deviation if deviation is None else deviation
         return [
-            middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, frame.rest))
+            middle + sum(map(mul, by_start, d)) + sum(map(mul, by_axes, state_set.remainder))
             for middle, by_start, by_axes in zip(
-                self.arrived(frame.middle), lead, axes, strict=True
+                self.second_saddle_coordinates(state_set.middle), lead, axes, strict=True
             )
         ]
 
-    def columns(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    def columns_in_coordinates(self, matrix: Sequence[Sequence[Any]]) -> list[list[Any]]:
         """Convert the columns of a matrix, offsets from the saddle, to coordinates z. Return P^-1
         times the matrix.
         """
@@ -379,15 +402,15 @@ class ManifoldGraph:
         )
         require(all(bool(row[0] == 0) for row in graph), "a curve does not pass the saddle")
 
-    def at(self, theta: Any) -> list[Any]:
+    def values(self, theta: Any) -> list[Any]:
         """Return W(theta): the other two coordinates of the curve's point with the coordinate
         theta.
 
         theta is a number, a ball or a series.
         """
         if not self.mirrored or isinstance(theta, arb_series) or theta > 0:
-            return [polynomial(row, theta) for row in self.graph]
-        values = [polynomial(row, abs(theta)) for row in self.graph]
+            return [evaluate_polynomial(row, theta) for row in self.graph]
+        values = [evaluate_polynomial(row, abs(theta)) for row in self.graph]
         return [-x if theta < 0 else x.union(-x) for x in values]
 
     def slopes(self, theta: Any) -> list[Any]:
@@ -397,7 +420,8 @@ class ManifoldGraph:
         if self.mirrored and not isinstance(theta, arb_series):
             theta = abs(theta)
         return [
-            polynomial([n * value for n, value in enumerate(row)][1:], theta) for row in self.graph
+            evaluate_polynomial([n * value for n, value in enumerate(row)][1:], theta)
+            for row in self.graph
         ]
 
     def point(self, theta: Any, w: Sequence[Any] = (0, 0)) -> list[Any]:
@@ -406,20 +430,20 @@ class ManifoldGraph:
         Its components are in the order u, s, f: unstable, slow stable and fast stable direction.
         """
         z = [theta] * 3
-        for other, value, off in zip(self.others, self.at(theta), w, strict=True):
+        for other, value, off in zip(self.others, self.values(theta), w, strict=True):
             z[other] = value + off
         return z
 
-    def straightened(self, z: Sequence[Any]) -> list[Any]:
+    def offset_from_curve(self, z: Sequence[Any]) -> list[Any]:
         """Return the offset w of a point z from the curve, in the two coordinates other
         than theta.
         """
         return [
             z[other] - value
-            for other, value in zip(self.others, self.at(z[self.along]), strict=True)
+            for other, value in zip(self.others, self.values(z[self.along]), strict=True)
         ]
 
-    def across(self, matrix: Any, theta: Any) -> list[list[Any]]:
+    def transverse_jacobian(self, matrix: Any, theta: Any) -> list[list[Any]]:
         """Return the 2 x 2 matrix J by which the offset w of an orbit from the curve moves: w' = D
         + J w.
 
@@ -431,13 +455,13 @@ class ManifoldGraph:
             for row, slope in zip(self.others, self.slopes(theta), strict=True)
         ]
 
-    def slope_over(self, theta: Any) -> list[Any]:
+    def secant_slopes(self, theta: Any) -> list[Any]:
         """Return the ratio W(theta) / theta for the curve's two polynomials W, over a ball of theta
         that may contain 0.
         """
-        return [polynomial(row[1:], theta) for row in self.graph]
+        return [evaluate_polynomial(row[1:], theta) for row in self.graph]
 
-    def keeps_side(self, reach: Any, cone: Sequence[Any]) -> None:
+    def require_side(self, reach: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
 
         The cone consists of |w_i| <= cone_i theta, 0 < theta <= reach, where w is the offset from
@@ -446,9 +470,12 @@ class ManifoldGraph:
         if self.side is None:
             return
         span = arb(0).union(reach)
-        z, direction = self.point(span, [arb(0, abs_upper(k * reach)) for k in cone]), [arb(1)] * 3
-        for other, steep, k in zip(self.others, self.slope_over(span), cone, strict=True):
-            direction[other] = steep + arb(0, abs_upper(k))
+        z, direction = (
+            self.point(span, [arb(0, magnitude_bound(k * reach)) for k in cone]),
+            [arb(1)] * 3,
+        )
+        for other, steep, k in zip(self.others, self.secant_slopes(span), cone, strict=True):
+            direction[other] = steep + arb(0, magnitude_bound(k))
         slope = self.side * self.saddle.sliding_slope(z, direction)
         require_positive("6.5: the sign of the sliding velocity next to the saddle", slope)
 
@@ -460,9 +487,9 @@ class ManifoldGraph:
         """
         with series_length(order + 1):
             variable = arb_series([theta, 1], prec=order + 1)
-            flow = self.saddle.rates(self.point(variable), self.side)
+            rates = self.saddle.rates(self.point(variable), self.side)
             pairs = zip(self.others, self.slopes(variable), strict=True)
-            return [flow[other] - slope * flow[self.along] for other, slope in pairs]
+            return [rates[other] - slope * rates[self.along] for other, slope in pairs]
 
     def relative_defect(self, reach: Any) -> list[Any]:
         """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
@@ -482,14 +509,14 @@ class ManifoldGraph:
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
             require(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
-            total = abs_upper(coefficient(outer, order + 1)) * reach**order
+            total = magnitude_bound(coefficient(outer, order + 1)) * reach**order
             for power in range(1, order + 1):
-                total += abs_upper(coefficient(inner, power)) * reach ** (power - 1)
-            bounds.append(abs_upper(total))
+                total += magnitude_bound(coefficient(inner, power)) * reach ** (power - 1)
+            bounds.append(magnitude_bound(total))
         return bounds
 
 
-def show_departure(
+def show_unstable_cone(
     curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
 ) -> tuple[list[Any], list[Any], Any]:
     """Show that the unstable manifold stays in a cone about the curve up to z_u = theta > 0 (6.1).
@@ -509,20 +536,23 @@ def show_departure(
     """
     require_positive("6.1: the reach and the cone next to the saddle", theta, *cone)
     span = arb(0).union(theta)
-    within = [arb(0, abs_upper(k * theta)) for k in cone]
+    within = [arb(0, magnitude_bound(k * theta)) for k in cone]
     whole = curve.point(span, within)
-    matrix = arb_mat(curve.saddle.field(whole, curve.side)[1])
-    rows, steep = curve.across(matrix, span), curve.slope_over(span)
+    matrix = arb_mat(curve.saddle.rates_and_derivatives(whole, curve.side)[1])
+    rows, steep = curve.transverse_jacobian(matrix, span), curve.secant_slopes(span)
     along = zip(curve.others, steep, cone, strict=True)
     growth = matrix[UNSTABLE, UNSTABLE] + sum(
-        (matrix[UNSTABLE, other] * (slope + arb(0, abs_upper(k))) for other, slope, k in along),
+        (
+            matrix[UNSTABLE, other] * (slope + arb(0, magnitude_bound(k)))
+            for other, slope, k in along
+        ),
         arb(0),
     )
     require_positive("6.1: the cone of the unstable manifold", growth)
     for i, j in ((0, 1), (1, 0)):
         inwards = cone[i] * (growth - rows[i][i]) - abs(rows[i][j]) * cone[j] - defect[i]
         require_positive("6.1: the cone of the unstable manifold", inwards)
-    curve.keeps_side(theta, cone)
+    curve.require_side(theta, cone)
     return curve.point(theta, within), whole, matrix
 
 
@@ -541,14 +571,14 @@ def show_isolating_block(
     """
     s, u, t = extents
     require_positive("6.3: the isolating block", s, u, t)
-    span = arb(0, abs_upper(s))
-    box = curve.point(span, (arb(0, abs_upper(u)), arb(0, abs_upper(t))))
-    matrix = arb_mat(curve.saddle.field(box)[1])
-    (outwards, from_f), (from_u, inwards) = curve.across(matrix, span)
+    span = arb(0, magnitude_bound(s))
+    box = curve.point(span, (arb(0, magnitude_bound(u)), arb(0, magnitude_bound(t))))
+    matrix = arb_mat(curve.saddle.rates_and_derivatives(box)[1])
+    (outwards, from_f), (from_u, inwards) = curve.transverse_jacobian(matrix, span)
     defect = [d * s for d in curve.relative_defect(s)]
     require_positive("6.3: the isolating block", outwards)
-    curve.keeps_side(s, (arb(0), arb(0)))
-    delta = abs_upper((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
+    curve.require_side(s, (arb(0), arb(0)))
+    delta = magnitude_bound((defect[0] + abs(from_f) * t) / outwards.lower() * 9 / 8)
     require_positive(
         "6.3: the faces of the isolating block",
         u - delta,
@@ -559,10 +589,3 @@ def show_isolating_block(
         - abs(matrix[SLOW, FAST] * box[FAST]),
     )
     return delta, box, matrix
-
-
-def _times(matrix: Any, vector: Sequence[Any]) -> list[Any]:
-    return [
-        matrix[row, 0] * vector[0] + matrix[row, 1] * vector[1] + matrix[row, 2] * vector[2]
-        for row in range(3)
-    ]

@@ -1,4 +1,4 @@
-"""Choices made without sense: what passes the kernel's tests is true all the same."""
+"""Evidence made without sense: what passes the kernel's tests is true all the same."""
 
 from __future__ import annotations
 
@@ -12,35 +12,41 @@ import pytest
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.poincare_map import LIBRATING_SECTION, SectionReturn, return_map
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, short_float
-from tippedisk_verify.proofs.kernel.sliding import model_of
-from tippedisk_verify.proofs.kernel.step import Step, Trial
+from tippedisk_verify.proofs.kernel.poincare_map import (
+    LIBRATING_SECTION,
+    PoincareImage,
+    enclose_poincare_map,
+)
+from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, rounded_down_to_20_bits
+from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA, START = "30.4", (1.7, -1.72)
 
 
-class Careless(FlightStepSearch):
+class CarelessSearch(FlightStepSearch):
     """Draws lengths, orders and axes."""
 
     def __init__(self, draw: random.Random) -> None:
         super().__init__()
         self.draw = draw
 
-    def beyond(self) -> Careless:
-        return Careless(self.draw)
+    def after_reversal(self) -> CarelessSearch:
+        return CarelessSearch(self.draw)
 
-    def step(self, path: Path, longest: float | None) -> Step | None:
+    def next_step(self, path: Path, max_length: float | None) -> Step | None:
         for _ in range(60):
-            trial = Trial(path, (self.draw.randint(2, 24), self.draw.randint(2, 12)))
-            step = trial.tested(short_float(min(2.0 ** -self.draw.uniform(6, 11), longest or 1.0)))
+            trial = StepTrial(path, (self.draw.randint(2, 24), self.draw.randint(2, 12)))
+            step = trial.tested_step(
+                rounded_down_to_20_bits(min(2.0 ** -self.draw.uniform(6, 11), max_length or 1.0))
+            )
             if step.included:
                 return step
         return None
 
-    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
-        chosen = super().axes(turned, sizes, stiffness)
+    def new_axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
+        chosen = super().new_axes(turned, sizes, stiffness)
         return [
             [entry + self.draw.uniform(-0.1, 0.1) / stiffness for entry in row] for row in chosen
         ]
@@ -48,17 +54,19 @@ class Careless(FlightStepSearch):
 
 @pytest.mark.slow(minutes=1)
 @pytest.mark.parametrize("friction", ["linear", "smooth"])
-def test_what_careless_choices_show_is_true(friction: str) -> None:
+def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     parameters, size = PRINTED.with_friction(friction), arb("1e-9")
     with working_precision(120):
-        truth = half_flight(model_of(parameters, ball(OMEGA)), *map(ball, START), derivatives=True)
+        truth = half_flight(
+            model_for_disk(parameters, ball(OMEGA)), *map(ball, START), derivatives=True
+        )
     shown = 0
     for seed in range(5):
         with working_precision(64):
             box = [part + arb(0, size) for part in map(ball, START)]
-            proposer = Careless(random.Random(seed))
-            flight = return_map(
-                model_of(parameters, ball(OMEGA)),
+            proposer = CarelessSearch(random.Random(seed))
+            flight = enclose_poincare_map(
+                model_for_disk(parameters, ball(OMEGA)),
                 LIBRATING_SECTION,
                 box,
                 proposer,
@@ -72,10 +80,10 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
             (flight.time, truth.time),
             (flight.beta_least, truth.beta_least),
             *zip(flight.image, truth.image, strict=True),
-            *zip(flight.by_omega, truth.by_omega, strict=True),
+            *zip(flight.image_by_omega, truth.image_by_omega, strict=True),
             *zip(
-                (*flight.matrix[0], *flight.matrix[1]),
-                (*truth.matrix[0], *truth.matrix[1]),
+                (*flight.image_by_start[0], *flight.image_by_start[1]),
+                (*truth.image_by_start[0], *truth.image_by_start[1]),
                 strict=True,
             ),
         ):
@@ -83,61 +91,65 @@ def test_what_careless_choices_show_is_true(friction: str) -> None:
     assert shown
 
 
-class Stale(FlightStepSearch):
+class StaleTrialSearch(FlightStepSearch):
     """Keeps a trial when the path has moved on."""
 
     trial: Any = None
 
-    def step(self, path: Path, longest: float | None) -> Step | None:
-        self.trial = self.trial or Trial(path, (16, 8))
-        return self.trial.tested(2.0**-9)
+    def next_step(self, path: Path, max_length: float | None) -> Step | None:
+        self.trial = self.trial or StepTrial(path, (16, 8))
+        return self.trial.tested_step(2.0**-9)
 
 
-class Forging(FlightStepSearch):
+class ForgingSearch(FlightStepSearch):
     """Hands over another step than the one that was tested."""
 
     def __init__(self, forged: Callable[[Step], Step]) -> None:
         super().__init__()
         self.forged = forged
 
-    def step(self, path: Path, longest: float | None) -> Step | None:
-        step = super().step(path, longest)
+    def next_step(self, path: Path, max_length: float | None) -> Step | None:
+        step = super().next_step(path, max_length)
         return None if step is None else self.forged(step)
 
 
-class Meddling(FlightStepSearch):
+class MeddlingSearch(FlightStepSearch):
     """Writes into what it is shown."""
 
-    def axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
-        chosen = [[*row] for row in super().axes([[*row] for row in turned], sizes, stiffness)]
+    def new_axes(self, turned: Any, sizes: Any, stiffness: Any) -> Sequence[Sequence[Any]]:
+        chosen = [[*row] for row in super().new_axes([[*row] for row in turned], sizes, stiffness)]
         for row in turned:
             row[:] = [entry / 1024 for entry in row]
         return chosen
 
-    def step_taken(self, step: Any, axes: Any) -> None:
-        super().step_taken(step, [[*row] for row in axes])
+    def record_step(self, step: Any, axes: Any) -> None:
+        super().record_step(step, [[*row] for row in axes])
         for row in axes:
             row[:] = [entry / 1024 for entry in row]
 
 
-def flown(proposer: FlightStepSearch) -> SectionReturn:
+def flown(proposer: FlightStepSearch) -> PoincareImage:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
-        return return_map(
-            model_of(PRINTED, ball("30.4")), LIBRATING_SECTION, box, proposer, derivatives=True
+        return enclose_poincare_map(
+            model_for_disk(PRINTED, ball("30.4")),
+            LIBRATING_SECTION,
+            box,
+            proposer,
+            derivatives=True,
         )
 
 
 def test_the_kernel_believes_its_own_steps_only() -> None:
     honest = flown(FlightStepSearch())
-    doubled = Forging(lambda step: replace(step, length=2 * step.length))
-    for proposer in (Stale(), doubled):
+    doubled = ForgingSearch(lambda step: replace(step, length=2 * step.length))
+    for proposer in (StaleTrialSearch(), doubled):
         with pytest.raises(ValueError, match="not the latest trial"):
             flown(proposer)
-    shifted = Forging(
+    shifted = ForgingSearch(
         lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials])
     )
-    for proposer in (shifted, Meddling()):
+    for proposer in (shifted, MeddlingSearch()):
         flight = flown(proposer)
         assert flight.status is FlowStatus.RETURNED
         for mine, its in zip(

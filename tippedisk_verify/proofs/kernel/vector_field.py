@@ -26,14 +26,22 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import ball, require
 
-__all__ = ["UNITS", "FieldConstants", "Law", "constants", "field", "one_sided", "sliding_motion"]
+__all__ = [
+    "PARAMETER_UNITS",
+    "FieldConstants",
+    "VectorFieldMaker",
+    "field_constants",
+    "one_sided_vector_field",
+    "sliding_motion",
+    "vector_field",
+]
 
-#: ``law(ops, constants, omega)`` is a function of the state that returns its three rates; ``ops``
-#: has sin and cos. A law may take further numbers.
-Law = Callable[..., Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
+#: Called with (ops, constants, omega), and perhaps further numbers, it returns the vector field: a
+#: function of the state that returns its three rates. ``ops`` has sin and cos.
+VectorFieldMaker = Callable[..., Callable[[Any, Any, Any], tuple[Any, Any, Any]]]
 
 #: The units of a disk's eight numbers, in the order in which sentences name them
-UNITS = {
+PARAMETER_UNITS = {
     "r": " m",
     "e": " m",
     "m": " kg",
@@ -58,13 +66,13 @@ class FieldConstants(NamedTuple):
     epsilon: Any  #: smoothing speed of the friction law [m/s]
 
 
-def constants(disk: Mapping[str, str]) -> FieldConstants:
+def field_constants(disk: Mapping[str, str]) -> FieldConstants:
     """Convert the eight exact numbers of a disk to balls of the constants in its equations of
     motion.
 
     Raises Unproved if no disk has these numbers.
     """
-    r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in UNITS)
+    r, e, m, A, B, g, mu, epsilon = (Fraction(disk[name]) for name in PARAMETER_UNITS)
     require(
         0 < e < r and m * e * e < B <= A and min(m, g, mu, epsilon) > 0,
         "no disk has these parameters",
@@ -74,7 +82,7 @@ def constants(disk: Mapping[str, str]) -> FieldConstants:
     )
 
 
-def field(
+def vector_field(
     ops: Any, constants: Any, omega: Any, law: Any = "linear"
 ) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the vector field of the motion: a function from states to rates (beta', gamma', v')
@@ -91,7 +99,7 @@ def field(
         A function of the state (beta_bar, gamma_bar, v).
     """
     r, e, a, b, g = constants.r, constants.e, constants.a, constants.b, constants.g
-    unlike, twice_unlike, three_e, square, drift = (
+    inertia_difference, twice_inertia_difference, three_e, omega_squared, e_omega = (
         a - b,
         (a - b) + (a - b),
         e + e + e,
@@ -102,32 +110,34 @@ def field(
     def rates(beta: Any, gamma: Any, v: Any) -> tuple[Any, Any, Any]:
         s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
         rho = r + e * c
-        lever = rho * s
-        lifted = s * lever  # rho s^2
-        mass = b + unlike * (t * t) + lever * lever
-        sweep = rho * v
-        mixed = twice_unlike * c + e * rho - three_e * lifted
+        rho_s = rho * s
+        rho_s_squared = s * rho_s
+        mass = b + inertia_difference * (t * t) + rho_s * rho_s
+        rho_v = rho * v
+        gyroscopic_factor = twice_inertia_difference * c + e * rho - three_e * rho_s_squared
         force = (
-            C * (sweep * sweep + square * (mass - r * lifted)) + omega * (t * (v * mixed)) - g * rho
+            C * (rho_v * rho_v + omega_squared * (mass - r * rho_s_squared))
+            + omega * (t * (v * gyroscopic_factor))
+            - g * rho
         )
-        slip = sweep + drift * (C * t)  # gamma_y / C
-        grip = (rho - lifted) * slip  # w_y gamma_y
+        gamma_y_over_C = rho_v + e_omega * (C * t)  # gamma_y / C
+        w_y_gamma_y = (rho - rho_s_squared) * gamma_y_over_C
         if law == "linear":
-            resistance = constants.k * grip
+            friction_term = constants.k * w_y_gamma_y
         else:
-            sliding = C * slip
-            size = abs(sliding) if law == "smooth" else law * sliding
-            resistance = constants.traction * grip / (size + constants.epsilon)
-        return v, omega * s, -(s * force + resistance) / mass
+            gamma_y = C * gamma_y_over_C
+            abs_gamma_y = abs(gamma_y) if law == "smooth" else law * gamma_y
+            friction_term = constants.traction * w_y_gamma_y / (abs_gamma_y + constants.epsilon)
+        return v, omega * s, -(s * force + friction_term) / mass
 
     return rates
 
 
-def one_sided(side: int) -> Law:
-    """Return the analytic friction law of one side: the smooth law where gamma_y has the sign
+def one_sided_vector_field(side: int) -> VectorFieldMaker:
+    """Return the analytic vector field of one side: the smooth law's where gamma_y has the sign
     ``side``, 1 or -1.
     """
-    return lambda ops, constants, omega: field(ops, constants, omega, side)
+    return lambda ops, constants, omega: vector_field(ops, constants, omega, side)
 
 
 def sliding_motion(
@@ -139,15 +149,15 @@ def sliding_motion(
     """
     beta, gamma, v = state
     s, C, t, c = ops.sin(beta), ops.cos(beta), ops.sin(gamma), ops.cos(gamma)
-    rho, drift = constants.r + constants.e * c, constants.e * omega
-    slip = rho * v + drift * (C * t)
+    rho, e_omega = constants.r + constants.e * c, constants.e * omega
+    gamma_y_over_C = rho * v + e_omega * (C * t)
     if acceleration is None:
-        return C * slip, None
+        return C * gamma_y_over_C, None
     # beta' = v and gamma' = Omega s.
-    turning = omega * s
-    slipping = (
+    gamma_rate = omega * s
+    gamma_y_over_C_rate = (
         rho * acceleration
-        - constants.e * t * (turning * v)
-        + drift * (C * (c * turning) - s * (v * t))
+        - constants.e * t * (gamma_rate * v)
+        + e_omega * (C * (c * gamma_rate) - s * (v * t))
     )
-    return C * slip, C * slipping - s * (v * slip)
+    return C * gamma_y_over_C, C * gamma_y_over_C_rate - s * (v * gamma_y_over_C)

@@ -23,11 +23,15 @@ from tippedisk_verify.proofs.kernel.balls import (
     inside,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.field import constants, one_sided, sliding_motion
-from tippedisk_verify.proofs.kernel.field import field as kernel_field
 from tippedisk_verify.proofs.kernel.proved_flow import Model
-from tippedisk_verify.proofs.kernel.step import polynomial
+from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
+from tippedisk_verify.proofs.kernel.vector_field import (
+    field_constants,
+    one_sided_vector_field,
+    sliding_motion,
+)
+from tippedisk_verify.proofs.kernel.vector_field import vector_field as kernel_field
 from tippedisk_verify.proofs.numbers import ball_to_measured
 
 LAWS = (
@@ -54,7 +58,7 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                 for n, value in DISK.items()
             }
             disk["A"] = str(Fraction(disk["B"]) * Fraction(draw.randint(1000, 1300), 1000))
-            mine = constants(disk)
+            mine = field_constants(disk)
             theirs = ball_constants(
                 Parameters(**{name: Fraction(value) for name, value in disk.items()})
             )
@@ -71,9 +75,10 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                 if law == "smooth":
                     continue
                 unit = [arb(int(row == column)) for column in range(4) for row in range(3)]
-                model = Model(mine, speed, one_sided(law) if side else None)
+                model = Model(mine, speed, one_sided_vector_field(law) if side else None)
                 columns = [
-                    part[1] for part in model.variational.coefficients([*state, *unit], 1)[3:]
+                    part[1]
+                    for part in model.variational_system.coefficients([*state, *unit], 1)[3:]
                 ]
                 rows = jacobian(shifted_ops(BallOps), theirs, speed, friction, side)(*state)
                 assert all(
@@ -116,7 +121,7 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
 )
 def test_what_is_no_disk_is_refused(name: str, value: str) -> None:
     with pytest.raises(Unproved, match="no disk has"):
-        constants({**DISK, name: value})
+        field_constants({**DISK, name: value})
 
 
 def test_a_variable_without_a_rate_is_refused() -> None:
@@ -191,7 +196,7 @@ def test_exact_results_lie_inside() -> None:
             )
             results = {name: operation(jet_a, jet_b) for name, operation in OPERATIONS.items()}
             results["convolution"] = convolved(jet_a, jet_b)
-            results["cut"] = jet_a.cut(1) + jet_b
+            results["cut"] = jet_a.truncated(1) + jet_b
         with working_precision(300):
             a, b = at(x, s), at(y, s)
             exact = {name: operation(a, b) for name, operation in OPERATIONS.items()}
@@ -199,7 +204,8 @@ def test_exact_results_lie_inside() -> None:
         for name, value in results.items():
             with working_precision(64):
                 shown = [
-                    ball_to_measured(held) for held in (polynomial(value.c, ball(s)), value.range())
+                    ball_to_measured(held)
+                    for held in (evaluate_polynomial(value.coefficients, ball(s)), value.range())
                 ]
             for wide in shown:
                 with working_precision(300):

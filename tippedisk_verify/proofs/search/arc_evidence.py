@@ -2,7 +2,7 @@
 to accept.
 
 Balls become points and floats everywhere. `kernel.half_map_of_curves` and
-`kernel.certificates.family` test these choices, and any choice that passes is right.
+`kernel.certificates.family` test this evidence, and any that passes is right.
 """
 
 from __future__ import annotations
@@ -20,23 +20,22 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, w
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     Piece,
-    box_test,
+    exact_magnitude_bound,
     first_unproved_sign,
-    upper_bound,
+    krawczyk_test_of_box,
 )
-from tippedisk_verify.proofs.kernel.field import FieldConstants, constants
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
-    ORDERS,
-    UNKNOWNS,
+    SERIES_ORDERS,
+    UNKNOWN_INDICES,
     Arc,
     Curve,
     CurvePath,
-    Matrix,
-    inverse,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
-from tippedisk_verify.proofs.kernel.step import Step, Trial, polynomial
+from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_order_2
+from tippedisk_verify.proofs.kernel.step import Step, StepTrial, evaluate_polynomial
+from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, field_constants
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.search.proof import SearchStopped, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
@@ -44,13 +43,13 @@ from tippedisk_verify.proofs.search.steps import axes_of_balls
 __all__ = [
     "BITS",
     "CurveStepSearch",
-    "Guess",
-    "adapt_boxes",
+    "CycleGuess",
+    "family_coefficients",
     "family_polynomials",
-    "family_rows",
+    "krawczyk_test_with_adapted_boxes",
     "piece_entry",
     "prove_piece",
-    "two_digits",
+    "rounded_up_to_two_digits",
 ]
 
 BITS, _DEGREE = 64, 4
@@ -64,8 +63,8 @@ _MAX_ATTEMPTS = 3
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
-Guess = tuple[Fraction, Fraction, Fraction]
-Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and choices
+CycleGuess = tuple[Fraction, Fraction, Fraction]
+Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and a proposer
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
 _MAX_STEPS, _MAX_TRIALS = 2000, 15
@@ -78,29 +77,31 @@ class CurveStepSearch:
     """A proposer that finds the steps of one flight from a curve of starts by trials of their
     length.
 
-    ``log`` records the choices. They are first rounded to a few digits, so the log holds them
-    exactly.
+    ``log`` records the steps and axes. They are first rounded to a few digits, so the log holds
+    them exactly.
     """
 
     def __init__(self) -> None:
         self.log: list[dict[str, Any]] = []
         self._done, self._share = 0.0, _FIRST_SHARE
 
-    def step(self, path: CurvePath, longest: Any) -> Step:
+    def next_step(self, path: CurvePath, max_length: Any) -> Step:
         """Return a step of the path with small remainders.
 
-        The orbits return to the section well inside this step, or well after it. ``longest`` is not
-        used.
+        The orbits return to the section well inside this step, or well after it. ``max_length`` is
+        not used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = Trial(path, ORDERS)
+        trial = StepTrial(path, SERIES_ORDERS)
         for _ in range(_MAX_TRIALS):
-            text = self._next()
+            text = self._next_share()
             share = float(text)
-            step = trial.tested((path.total * share).mid())
+            step = trial.tested_step((path.duration * share).mid())
             excess = max(
-                _excess(step.derivatives, step, ORDERS[1] + 1, _ROUGH_TOLERANCE),
-                _excess(step.polynomials, step, ORDERS[0] + 1, _TOLERANCE),
+                _length_excess(
+                    step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE
+                ),
+                _length_excess(step.polynomials, step, SERIES_ORDERS[0] + 1, _TOLERANCE),
             )
             # The longest acceptable length, times 0.9 because remainders grow with the box as well.
             self._share = share * min(1.3, max(0.3, 0.9 * 2.0**-excess))
@@ -111,7 +112,7 @@ class CurveStepSearch:
         self.log.append({"share": text})
         return step
 
-    def _next(self) -> str:
+    def _next_share(self) -> str:
         """Return the length of the step to try next, as a share of the whole flight, in decimal
         text.
 
@@ -121,10 +122,10 @@ class CurveStepSearch:
         left = 1 - self._done
         return f"{left + 0.3 * self._share if left <= 0.7 * self._share else min(self._share, 0.6 * left):.4g}"
 
-    def step_taken(self, step: Step, axes: Matrix | None) -> None:
+    def record_step(self, step: Step, axes: Matrix | None) -> None:
         """Do nothing: `step` has recorded the step."""
 
-    def axes(self, moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
+    def new_axes(self, moved_axes: Matrix, sizes: Sequence[float], stiffness: float) -> Matrix:
         """Return new axes for the box of a set of states, by `axes_of_balls`, rounded to four
         digits.
 
@@ -136,14 +137,16 @@ class CurveStepSearch:
         return [[arb(float(text)) for text in row] for row in texts]
 
 
-def _excess(series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int) -> float:
+def _length_excess(
+    series: Sequence[Sequence[Jet]], step: Step, power: int, tolerance: int
+) -> float:
     """Return log2 of the ratio of a step's length to the largest length that is acceptable.
 
     The remainders of the series grow like the ``power`` of the length and may reach 2^tolerance.
     Returns infinity if a remainder is not finite.
     """
-    size = max(float(part[-1].c[0].abs_upper()) for part in series)
-    length = float(step.length.c[0].mid())
+    size = max(float(part[-1].coefficients[0].abs_upper()) for part in series)
+    length = float(step.length.coefficients[0].mid())
     if not (math.isfinite(size) and length > 0):
         return math.inf
     return (math.log2(size) - tolerance) / power + math.log2(length) if size else -math.inf
@@ -155,38 +158,40 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
 
     It computes with midpoints, without the deviations about the curve, and proves nothing.
     """
-    orbit = curve.equations(constants, *curve.numbers).orbit_at(curve.omega)
-    total = curve.total
+    orbit = curve.model_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
+    total = curve.duration
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
     for _ in range(_MAX_STEPS):
-        series = orbit.coefficients(state, ORDERS[0])
+        series = orbit.coefficients(state, SERIES_ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_MAX_SHARE, _reach(series) / float(total.c[0].mid()))
+        reach = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
         if 1 - done < reach / 2:
             break
         length = (total * min(reach, 1 - done)).mid()
         state, time, done = (
-            [polynomial(part, length).mid() for part in series],
+            [evaluate_polynomial(part, length).mid() for part in series],
             time + length,
             done + reach,
         )
-    tau = _moment(series, 0 * total)
-    return [-polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
+    tau = _section_time(series, 0 * total)
+    return [-evaluate_polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
 
 
-def _reach(series: Sequence[Sequence[Jet]]) -> float:
+def _estimated_length(series: Sequence[Sequence[Jet]]) -> float:
     """Estimate the step length [s], at most 1 s, for which the last two terms of a Taylor series
     stay below 2^_TOLERANCE.
     """
     sizes = [
-        (float(part[n].c[0].abs_upper()), n) for part in series for n in (ORDERS[0] - 1, ORDERS[0])
+        (float(part[n].coefficients[0].abs_upper()), n)
+        for part in series
+        for n in (SERIES_ORDERS[0] - 1, SERIES_ORDERS[0])
     ]
     if not all(math.isfinite(size) for size, _ in sizes):
         return 0.0
     return min(1.0, *(math.exp2((_TOLERANCE - math.log2(size)) / n) for size, n in sizes if size))
 
 
-def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
+def _section_time(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
     """Approximate the time within a step at which beta_bar is 0, by Newton's iteration from a
     guess.
 
@@ -195,7 +200,7 @@ def _moment(polynomials: Sequence[Sequence[Jet]], guess: Jet) -> Jet:
     beta, _, v = ([jet.mid() for jet in part] for part in polynomials)
     tau = guess.mid()
     for _ in range(_NEWTON_STEPS):
-        tau = (tau - polynomial(beta, tau) / polynomial(v, tau)).mid()
+        tau = (tau - evaluate_polynomial(beta, tau) / evaluate_polynomial(v, tau)).mid()
     return tau
 
 
@@ -205,7 +210,7 @@ def family_polynomials(
     radius: Any,
     degree: int,
     total: Any,
-    kind: type[Curve],
+    curve_class: type[Curve],
 ) -> tuple[list[Jet], Jet]:
     """Return Taylor polynomials along the family of limit cycles: of (gamma_bar, v, Omega), and of
     half the period, in the parameter s.
@@ -216,49 +221,62 @@ def family_polynomials(
     """
     zero = 0 * start[0]
     point = [part.mid() for part in start]
-    columns = (_slope(constants, kind, point, total, k) for k in UNKNOWNS)
-    chord = inverse(list(zip(*columns, strict=True)))
+    columns = (_jacobian_column(constants, curve_class, point, total, k) for k in UNKNOWN_INDICES)
+    chord = inverse_of_order_2(list(zip(*columns, strict=True)))
     polynomials = [[part] for part in point]
-    half = Jet([total])
+    half_period = Jet([total])
     for k in (*[0] * _CHORD_STEPS, *range(1, degree + 1)):
         if len(polynomials[0]) == k:
             for part in polynomials:
                 part.append(zero)
-            half = Jet([*half.c, zero])
+            half_period = Jet([*half_period.coefficients, zero])
             if k == 1:
                 polynomials[0][1] = radius
         first, v, speed = map(Jet, polynomials)
-        curve = kind(first, v, speed, [zero] * 3, half)
-        image, half = approximate_flight(constants, curve)
-        value = [after.c[k] - before.c[k] for after, before in zip(image, curve.start, strict=True)]
-        for row, index in zip(chord, UNKNOWNS, strict=True):
+        curve = curve_class(first, v, speed, [zero] * 3, half_period)
+        image, half_period = approximate_flight(constants, curve)
+        value = [
+            after.coefficients[k] - before.coefficients[k]
+            for after, before in zip(image, curve.start, strict=True)
+        ]
+        for row, index in zip(chord, UNKNOWN_INDICES, strict=True):
             polynomials[index][k] = (
                 polynomials[index][k] - row[0] * value[0] - row[1] * value[1]
             ).mid()
-    return [Jet(part) for part in polynomials], half
+    return [Jet(part) for part in polynomials], half_period
 
 
-def family_rows(
-    constants: FieldConstants, start: Sequence[Any], radius: Any, total: Any, kind: type[Curve]
+def family_coefficients(
+    constants: FieldConstants,
+    start: Sequence[Any],
+    radius: Any,
+    total: Any,
+    curve_class: type[Curve],
 ) -> list[tuple[Fraction, ...]]:
     """Return the Taylor polynomials along the family (`family_polynomials`), rounded to decimals.
 
     They are those of the two unknown numbers and of half the period.
 
-    Raises Stopped if they are not finite.
+    Raises SearchStopped if they are not finite.
     """
-    polynomials, half = family_polynomials(constants, start, radius, _DEGREE, total, kind)
-    jets = [*(polynomials[k] for k in UNKNOWNS), half]
-    if not all(entry.is_finite() for jet in jets for entry in jet.c):
+    polynomials, half_period = family_polynomials(
+        constants, start, radius, _DEGREE, total, curve_class
+    )
+    jets = [*(polynomials[k] for k in UNKNOWN_INDICES), half_period]
+    if not all(entry.is_finite() for jet in jets for entry in jet.coefficients):
         raise SearchStopped(ArcStatus.NOT_FOLLOWED)
     return [
-        tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.c)
+        tuple(round(ball_to_measured(part.mid()).value, _DECIMALS) for part in jet.coefficients)
         for jet in jets
     ]
 
 
-def _slope(
-    constants: FieldConstants, kind: type[Curve], point: Sequence[Any], half: Any, moving: int
+def _jacobian_column(
+    constants: FieldConstants,
+    curve_class: type[Curve],
+    point: Sequence[Any],
+    half_period: Any,
+    moving: int,
 ) -> list[Any]:
     """Approximate a column of the Jacobian of F, the half map minus its start.
 
@@ -270,15 +288,15 @@ def _slope(
         Jet([part, zero + _DIFFERENCE_SHARE * int(moving == j)]) for j, part in enumerate(point)
     )
     image, _ = approximate_flight(
-        constants, kind(first, v, speed, [zero] * 3, Jet.constant(half, 1))
+        constants, curve_class(first, v, speed, [zero] * 3, Jet.constant(half_period, 1))
     )
     return [
-        (part.c[1] / _DIFFERENCE_SHARE).mid() - own[moving]
-        for part, own in zip(image, kind.unit, strict=True)
+        (part.coefficients[1] / _DIFFERENCE_SHARE).mid() - own[moving]
+        for part, own in zip(image, curve_class.start_derivative, strict=True)
     ]
 
 
-class BoxedTest(NamedTuple):
+class PassedArcTest(NamedTuple):
     """A passed Krawczyk test of an arc of the family, with the box's radii and the
     recorded steps.
     """
@@ -289,43 +307,45 @@ class BoxedTest(NamedTuple):
     evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
 
 
-def adapt_boxes(test: Test, radii: Sequence[Fraction]) -> BoxedTest:
+def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> PassedArcTest:
     """Repeat Krawczyk's test of an arc with adapted boxes until it passes, and return the passed
     test.
 
-    Raises Stopped if it does not pass.
+    Raises SearchStopped if it does not pass.
 
     Args:
         test: Called with the radii of a box and a proposer of steps; returns the test's result.
         radii: The radii of the first box.
     """
     for _ in range(_MAX_ATTEMPTS):
-        choices, sizes = (
+        proposer, sizes = (
             CurveStepSearch(),
-            [two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
+            [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
         )
         try:
-            arc = test(sizes, choices)
+            arc = test(sizes, proposer)
         except Unproved:
             raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
-        if not all(off.is_finite() for off in arc.within):
+        if not all(off.is_finite() for off in arc.shift):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
-            two_digits(max(upper_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30)))
-            for off in arc.within
+            rounded_up_to_two_digits(
+                max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30))
+            )
+            for off in arc.shift
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return BoxedTest(arc, sizes, within, _box_evidence(sizes, choices))
+            return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))
         radii = [2 * part for part in within]
     raise SearchStopped(ArcStatus.NOT_INCLUDED)
 
 
-def _box_evidence(radii: Sequence[Fraction], choices: CurveStepSearch) -> dict[str, Any]:
-    return {"radii": [*map(exact_text, radii)], "steps": choices.log}
+def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[str, Any]:
+    return {"radii": [*map(exact_text, radii)], "steps": proposer.log}
 
 
 def prove_piece(
-    parameters: Parameters, low: Fraction, high: Fraction, guess: Guess
+    parameters: Parameters, low: Fraction, high: Fraction, guess: CycleGuess
 ) -> Piece | ArcStatus:
     """Prove a piece of the family of limit cycles, between two amplitudes [rad]. Return the piece,
     or the reason why it is not proved.
@@ -337,29 +357,33 @@ def prove_piece(
     middle, length = (ends[0] + ends[1]) / 2, (ends[1] - ends[0]) / 2
     disk = parameter_texts(parameters)
     with working_precision(BITS):
-        start, half = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
-        kind = Curve if low else ScaledCurve
+        start, half_period = [ball(number) for number in (middle, *guess[:2])], ball(guess[2]).mid()
+        curve_class = Curve if low else ScaledCurve
         try:
-            first, second, half_period = family_rows(
-                constants(disk), start, ball(length), half, kind
+            first, second, half_period = family_coefficients(
+                field_constants(disk), start, ball(length), half_period, curve_class
             )
             arc: dict[str, Any] = {
                 "end": exact_text(high),
                 "curve": [[*map(exact_text, row)] for row in (first, second)],
                 "half": [*map(exact_text, half_period)],
             }
-            test: Test = lambda radii, choices: box_test(disk, low, arc, radii, choices)  # noqa: E731
+
+            def test(radii: Sequence[Fraction], proposer: Any) -> Arc:
+                return krawczyk_test_of_box(disk, low, arc, radii, proposer)
+
             radii = [
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
             for _ in range(_MAX_ATTEMPTS):
-                box = adapt_boxes(test, radii)
+                box = krawczyk_test_with_adapted_boxes(test, radii)
                 if (refusal := first_unproved_sign(box.arc)) is None:
                     break
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 radii = [part * 5 / 4 for part in box.within]
                 if any(
-                    2 * two_digits(new) > old for new, old in zip(radii, box.radii, strict=True)
+                    2 * rounded_up_to_two_digits(new) > old
+                    for new, old in zip(radii, box.radii, strict=True)
                 ):
                     break
         except SearchStopped as fault:
@@ -368,16 +392,16 @@ def prove_piece(
             return refusal
         unique, evidence = box.radii, arc | {"bits": BITS, "box": box.evidence}
         # The box of uniqueness may be wider than the box of the signs.
-        room = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
+        distance_to_end = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)
         slopes = [max(abs(row[1]) / length, _MIN_RADIUS) for row in (first, second)]
         for share in _WIDE_SHARES:
-            wide, choices = (
-                [two_digits(slope * room * share) for slope in slopes],
+            wide, proposer = (
+                [rounded_up_to_two_digits(slope * distance_to_end * share) for slope in slopes],
                 CurveStepSearch(),
             )
             with suppress(Unproved):
-                if min(map(sub, wide, box.radii)) > 0 and test(wide, choices).included:
-                    unique, evidence["wide box"] = wide, _box_evidence(wide, choices)
+                if min(map(sub, wide, box.radii)) > 0 and test(wide, proposer).included:
+                    unique, evidence["wide box"] = wide, _box_evidence(wide, proposer)
                     break
         return Piece(
             low,
@@ -405,6 +429,6 @@ def piece_entry(piece: Piece) -> dict[str, object]:
     }
 
 
-def two_digits(value: Fraction) -> Fraction:
+def rounded_up_to_two_digits(value: Fraction) -> Fraction:
     """Return the least decimal of two significant digits that is at least ``value`` > 0."""
     return Fraction(round_up(value))
