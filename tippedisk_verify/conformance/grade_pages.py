@@ -102,12 +102,12 @@ class Report(Printable):
         answers = count_text(first.answered, "answer", "answers")
         how = (
             "is the first with too few digits"
-            if first.too_few == first.failed
+            if first.too_few_digits == first.failed
             else "is the first that fails"
         )
         few = (
-            f", {first.too_few} of them with too few digits only"
-            if 0 < first.too_few < first.failed
+            f", {first.too_few_digits} of them with too few digits only"
+            if 0 < first.too_few_digits < first.failed
             else ""
         )
         return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
@@ -197,7 +197,7 @@ class Report(Printable):
         """
         remarks = []
         for level in self.levels:
-            if level.level < 6 or level.failed > level.too_few:
+            if level.level < 6 or level.failed > level.too_few_digits:
                 continue
             level_grades = [grade for grade in self.grades if grade.level == level.level]
             off = [
@@ -344,7 +344,12 @@ def print_report(report: Report, console: Console) -> None:
 
     def row(tally: Tally, *about: str) -> list[Any]:
         least = coloured(shown_least(tally), tally.verdict)
-        return [*about, least, str(tally.failed - tally.too_few or ""), str(tally.too_few or "")]
+        return [
+            *about,
+            least,
+            str(tally.failed - tally.too_few_digits or ""),
+            str(tally.too_few_digits or ""),
+        ]
 
     rows = [
         [

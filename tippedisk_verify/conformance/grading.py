@@ -128,7 +128,7 @@ class Tally(Printable):
     asked: int
     answered: int
     failed: int
-    too_few: int  #: failed answers that only have too few digits
+    too_few_digits: int  #: failed answers that only have too few digits
     within_rounding: int  #: answers with an error that rounding the inputs explains
     not_numbers: int  #: failed answers that are not numbers
     least_digits: float  #: the least digits of the numbers; NaN if no answer is a number
@@ -155,7 +155,7 @@ class Tally(Printable):
             asked=asked,
             answered=len(grades),
             failed=sum(grade.failed for grade in grades),
-            too_few=sum(grade.verdict == "few-digits" for grade in grades),
+            too_few_digits=sum(grade.verdict == "few-digits" for grade in grades),
             within_rounding=sum(grade.verdict == "rounding" for grade in grades),
             not_numbers=sum(grade.digits == -math.inf for grade in grades),
             least_digits=min(digits, default=math.nan),
@@ -177,7 +177,7 @@ class Tally(Printable):
         if not self.answered:
             return "not answered"
         if self.failed:
-            return "too few digits" if self.too_few == self.failed else "fails"
+            return "too few digits" if self.too_few_digits == self.failed else "fails"
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
@@ -185,7 +185,7 @@ class Tally(Printable):
             None if math.isnan(digits) else round(digits, 1)
             for digits in (self.least_digits, self.median_digits)
         )
-        counts = {"failed": self.failed, "too_few_digits": self.too_few}
+        counts = {"failed": self.failed, "too_few_digits": self.too_few_digits}
         if self.quantity:
             about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
             return about | {"answered": self.answered} | counts | {"least_digits": least}

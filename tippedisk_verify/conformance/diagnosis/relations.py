@@ -1,6 +1,6 @@
 """Relations of a quantity's answers to right values: a factor, a sign, a power, another place.
 
-A relation predicts answers from right values, or from the values of the mended program. Each
+A relation predicts answers from right values, or from the values of the reconstructed program. Each
 quantity is examined separately. A relation holds if it gives every wrong answer that it predicts.
 """
 

@@ -10,7 +10,7 @@ from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES, field
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["recognised_method"]
+__all__ = ["recognise_step_method"]
 
 _MAX_TRAJECTORIES = 3  # trajectories that a method is tried on
 _MAX_UNEXPLAINED_SHARE = 0.02  # share of the errors that a method may leave unexplained
@@ -36,7 +36,7 @@ _INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *STATE_NAMES)
 Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
-def _flown(
+def _integrated(
     rates: Callable[..., Sequence[Array]], state: Array, time: float, step: float, scheme: Scheme
 ) -> Array:
     """Return the states after a time, computed by a Runge-Kutta method with a fixed step.
@@ -58,7 +58,7 @@ def _flown(
 
 
 @np.errstate(all="ignore")
-def recognised_method(table: Table) -> str:
+def recognise_step_method(table: Table) -> str:
     """Return a sentence that names the fixed-step integrator whose errors the answers have.
 
     The sentence is empty if none is recognised. The errors of the first sample in time are
@@ -86,7 +86,7 @@ def recognised_method(table: Table) -> str:
     )
 
     def errors_of(scheme: Scheme, step: float) -> Array:
-        return np.asarray(_flown(vector_field, np.array(start), time, step, scheme) - truths)
+        return np.asarray(_integrated(vector_field, np.array(start), time, step, scheme) - truths)
 
     size = float(np.linalg.norm(errors))
     for name, scheme in _METHODS.items():

@@ -1,0 +1,549 @@
+"""The diagnosis of a sheet level by level: mistakes found at one level are known at the next.
+
+At each level, wrong answers that follow from known mistakes are explained first. Then relations
+that explain the whole level are tried, then changes of the equations, then other relations. What a
+step explains is marked in the tables.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+
+from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
+from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
+from tippedisk_verify.conformance.diagnosis.quantities import (
+    PREDICTED,
+    VARIANTS,
+    Results,
+    base_values,
+    problems,
+)
+from tippedisk_verify.conformance.diagnosis.regression import (
+    RegressionProblem,
+    Search,
+    likelihood,
+    with_changes,
+)
+from tippedisk_verify.conformance.diagnosis.relations import (
+    Relation,
+    condition_phrase,
+    relations_of,
+)
+from tippedisk_verify.conformance.diagnosis.step_methods import recognise_step_method
+from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table
+from tippedisk_verify.conformance.diagnosis.terms import Values
+from tippedisk_verify.conformance.grading import Grade
+from tippedisk_verify.reference_values.store import Store
+
+__all__ = ["LevelwiseDiagnosis"]
+
+_BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
+# A quantity only lacks its last digits if the median and the maximum of its relative errors are
+# below the first two numbers, and the share of its answers that fail is above the third.
+_LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
+_EXACT = 1e-15  # relative error up to which no digit is lost
+# The factor on the allowed error of a program on the slow manifold. It differentiates five times,
+# and the right equations alone use up half of the allowed error.
+_SAFETY = 10.0
+_MAX_EQUIVALENT_CHANGES = (
+    12  # changes with the same effect on one quantity that are tried on the other quantities
+)
+_ROUNDING_TOLERANCE = 1e-9  # relative difference of values that are equal but for rounding
+_MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
+_LAST_FORMULA_LEVEL = 5  # the last level without an integrator
+_LAWS = ("both", "linear", "smooth")
+_ALL_OR_NOTHING_KINDS = (
+    "equilibrium",
+    "slow-manifold",
+)  # kinds explained completely, or not at all
+PosedProblems = Sequence[tuple[Table, RegressionProblem]]
+#: Changes of the equations, each with the friction laws that have it
+ChangesByLaw = dict[Change, frozenset[str]]
+#: The changes under one friction law, and all changes from which they were taken
+CandidateChanges = tuple[list[Change], ChangesByLaw]
+
+
+class LevelwiseDiagnosis:
+    """The diagnosis of one sheet of answers: the mistakes found so far, and the answers that they
+    explain.
+
+    Args:
+        tables: The graded answers. Their masks ``unexplained`` of unexplained answers are changed
+            in place.
+        store: The questions with their truths.
+        advance: A function that is called with a label and a number of steps.
+    """
+
+    def __init__(
+        self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]
+    ) -> None:
+        self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
+        levels = {table.level for table in tables}
+        self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
+        self.advance, self.search = advance, Search(_BUDGET)
+        self.changes: ChangesByLaw = {}
+        self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
+
+    def diagnose_level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
+        """Diagnose the wrong answers of one level, and keep the mistakes found for the later
+        levels.
+
+        The program that gave the answers is assumed to have the mistakes that were named at earlier
+        levels.
+
+        Args:
+            level: The level.
+            grades: The grades of the sheet, of all levels.
+        """
+        tables = [table for table in self.tables if table.level == level]
+        wrong, earlier, self.causes = _count_unexplained(tables), dict(self.changes), []
+        self.find_consequences(tables)
+        explained_earlier = wrong - _count_unexplained(tables)
+        with self.all_or_nothing(tables, whole=True):
+            self.find_relations(tables)
+        for last in (False, True):  # the quantities that are explained last
+            deferred = [table.unexplained & (table.explained_last != last) for table in tables]
+            for table, mask in zip(tables, deferred, strict=True):
+                table.unexplained[mask] = False
+            self.explain(tables)
+            for table, mask in zip(tables, deferred, strict=True):
+                table.unexplained[mask] = True
+            self.find_consequences(tables)
+            self.find_lost_digits(tables if level <= _LAST_FORMULA_LEVEL else ())
+        if level == _LAST_FORMULA_LEVEL + 1 and not self.changes:
+            sentences = [recognise_step_method(table) for table in tables]
+            self.causes += [("method", sentence) for sentence in sentences if sentence]
+        new_mistakes = [
+            ("equations", self.change_sentence(change, tables))
+            for change in self.changes
+            if change not in earlier
+        ]
+        failed = tuple(grade for grade in grades if grade.failed and grade.level == level)
+        return Diagnosis(
+            level,
+            failed,
+            causes=(*new_mistakes, *dict.fromkeys(self.causes)),
+            explained_earlier=explained_earlier,
+            unexplained=_count_unexplained(tables),
+            not_finite=len(failed) - wrong,
+            unexplained_where="; ".join(
+                condition_phrase(table, base_values(LINEAR, table)["gamma_y"])
+                for table in tables
+                if table.unexplained.any()
+            ),
+            may_follow=bool(earlier) and level > 1,
+        )
+
+    def explain(self, tables: Sequence[Table]) -> None:
+        """Look for mistakes that explain a level's wrong answers: changes of the equations, then
+        simple relations to right values.
+
+        The changes and causes found are kept on this object. The answers that they explain are
+        marked.
+
+        Args:
+            tables: The tables of the level.
+        """
+        searched_together = [tables] if tables and tables[0].level == 1 else [[t] for t in tables]
+        for some in searched_together:
+            with self.all_or_nothing(some):
+                self.search_equations(some)
+        for reconstructed in (False, True) if self.changes else (False,):
+            with self.all_or_nothing(tables):
+                self.find_relations(tables, reconstructed)
+
+    @contextmanager
+    def all_or_nothing(self, tables: Sequence[Table], whole: bool = False) -> Iterator[None]:
+        """Undo what the body of a with statement found if it explained only a part of answers that
+        belong together.
+
+        Some answers belong together: either all of them are explained, or none. If any of them is
+        still unexplained at the end, the changes, the causes and the marks are restored.
+
+        Args:
+            tables: The tables that the body may explain.
+            whole: True if all their answers belong together; False if only those to the kinds in
+                ``_ALL_OR_NOTHING_KINDS`` do.
+        """
+        changes, causes = dict(self.changes), list(self.causes)
+        before = [table.unexplained.copy() for table in tables]
+        yield
+        if any(
+            table.unexplained.any()
+            for table in tables
+            if whole or table.kind in _ALL_OR_NOTHING_KINDS
+        ):
+            self.changes, self.causes = changes, causes
+            for table, left in zip(tables, before, strict=True):
+                table.unexplained[:] = left
+
+    # ---- programs with changes
+    def candidates(self, law: str) -> list[list[Change]]:
+        """Return the sets of known mistakes (changes of the equations) that a program may have
+        under a friction law, as lists.
+
+        They are the changes known under this law, all known changes, and none, in this order. Equal
+        lists occur once.
+        """
+        some = [_changes_under_law(self.changes, law), list(self.changes), []]
+        return [one for n, one in enumerate(some) if one not in some[:n]]
+
+    def program(
+        self, law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
+    ) -> Values:
+        """Return the equations of a program with mistakes, ready for evaluation.
+
+        They are the right equations under a friction law, in which some changes have been made.
+
+        Args:
+            law: The friction law; the linear law unless it is "smooth".
+            change_set: The changes.
+            inputs: Values by name, each in place of the definition of that name.
+        """
+        return with_changes(
+            Values(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})),
+            change_set,
+        )
+
+    @np.errstate(all="ignore")
+    def predicted(
+        self,
+        table: Table,
+        change_set: Iterable[Change],
+        function: Callable[[Values], Results] | None = None,
+    ) -> Array:
+        """Return the answers that a program with some mistakes would give to a table's questions.
+
+        They are NaN where the program computes no value.
+
+        Args:
+            table: The table, with the inputs of its entries.
+            change_set: The changes of the equations that the program has.
+            function: A function from the program's values to the quantities; by default the right
+                formulas.
+        """
+        values = base_values(self.program(table.friction, change_set).definitions, table)
+        return table.matched_values((function or PREDICTED[table.kind][0])(values))
+
+    def find_consequences(self, tables: Sequence[Table]) -> None:
+        """Mark as explained the wrong answers in tables that follow from the mistakes known so far.
+
+        A quantity is marked if a program with the mistakes gives all of its unexplained answers.
+        """
+        for table in tables if self.changes else ():
+            room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
+            for some, function in product(
+                self.candidates(table.friction), PREDICTED.get(table.kind, ())
+            ):
+                if table.unexplained.any():
+                    fits = table.fitted(self.predicted(table, some, function), room)
+                    for stem in np.unique(table.quantity_names[table.unexplained]):
+                        mine = table.unexplained & (table.quantity_names == stem)
+                        table.unexplained[mine] = not fits[mine].all()
+
+    # ---- changes of the equations
+    def search_equations(self, tables: Sequence[Table]) -> None:
+        """Search for mistakes in the equations that explain wrong answers, one quantity at a time.
+
+        The order is that of the equations. The changes found are kept on this object. The answers
+        that they give are marked as explained.
+
+        Args:
+            tables: The tables of the answers.
+        """
+        posed = self.posed_problems(tables) if _count_unexplained(tables) else []
+        for n in range(len(posed)):
+            table, problem = posed[n]
+            mine = table.unexplained & (table.names == problem.name)
+            inverse = (
+                problem.name not in table.names
+                and table.unexplained.any()
+                and problem.unexplained.any()
+            )
+            if mine.any() or inverse:
+                self.advance(f"level {table.level}, {problem.name}", 1)
+                table.unexplained[mine] = not self.adopt_changes(table, problem, posed)
+                if table.kind == "slow-manifold":  # each order is computed from the lower ones
+                    posed = self.posed_problems(tables)
+        self.find_consequences(tables)
+
+    def posed_problems(self, tables: Sequence[Table]) -> list[tuple[Table, RegressionProblem]]:
+        """Return the quantities of tables whose answers can be searched for mistakes in the
+        equations, as pairs of a table and a problem.
+
+        A problem uses the known changes of the table's friction law, except at level 1, where it
+        uses none.
+        """
+        found = []
+        for table in tables:
+            if table.kind in PREDICTED:
+                known = self.candidates(table.friction)[0] if table.level > 1 else ()
+                found += [
+                    (table, one)
+                    for one in problems(
+                        table, base_values(self.program(table.friction, known).definitions, table)
+                    )
+                ]
+        return found
+
+    def adopt_changes(self, table: Table, problem: RegressionProblem, posed: PosedProblems) -> bool:
+        """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
+        them as known.
+
+        Known changes are tried first. Changes found for a derivative are kept as a cause only.
+
+        Args:
+            table: The table with the quantity.
+            problem: The answers to the quantity, and its definition.
+            posed: All tables and problems of the search. The definitions behind quantities that a
+                program gives already stay as they are.
+
+        Returns:
+            True if there are such changes.
+        """
+        law, derivative = table.friction, problem.name.startswith("dv")
+        alone = derivative or table.kind == "slow-manifold"  # orders share their definitions
+        posed = (
+            [] if alone else [pair for pair in posed if not pair[1].name.startswith(EXPLAINED_LAST)]
+        )
+        own, *others = self.candidates(law)
+        readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
+        readings += [(some, self.changes) for some in others if some or table.level > 1]
+        programs = [
+            (self.program(law, some, problem.inputs), self.behind_right_answers(law, some, posed))
+            for some, _ in readings
+        ]
+        efforts = 4 if table.level == 1 and not derivative else 2
+        fitting = [n for n, (program, _) in enumerate(programs) if problem.fits(program)]
+        sets = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, efforts)
+        if not sets:
+            return False
+        index, new = min(sets, key=lambda one: likelihood((*readings[one[0]][0], *one[1])))
+        some, self.changes = readings[index]
+        if derivative and new:
+            sentence = " and ".join(change.sentence for change in new)
+            sentence = f"{problem.name} is the derivative of other equations: {sentence}"
+            self.causes.append(("equations", sentence))
+            return True
+        for change in (*some, *new):
+            self.changes[change] = self.changes.get(change, frozenset()) | {law}
+        return True
+
+    def behind_right_answers(
+        self, law: str, change_set: Sequence[Change], posed: PosedProblems
+    ) -> frozenset[str]:
+        """Return the names of the definitions that need no change: those from which a program with
+        some mistakes computes quantities as they were answered.
+
+        Args:
+            law: The friction law of the program.
+            change_set: The changes of the equations that the program has.
+            posed: Tables and problems. Those under the other friction law are left out.
+        """
+        names = frozenset[str]()
+        for table, problem in posed:
+            program = self.program(law, change_set, problem.inputs)
+            if table.friction in ("both", law) and problem.fits(program):
+                names |= program.inputs_of(problem.definition)
+        return names
+
+    @np.errstate(all="ignore")
+    def alternatives(
+        self, law: str, problem: RegressionProblem, posed: PosedProblems
+    ) -> list[CandidateChanges]:
+        """Return other choices of the known mistakes that explain the same answers.
+
+        In each choice, one known change is replaced by a change that had the same effect on the
+        quantity for which it was found. The replacement has another effect on the quantity of
+        ``problem``.
+
+        Args:
+            law: The friction law.
+            problem: The quantity whose answers are not yet explained.
+            posed: All tables and problems. A choice gives all answers that the known changes give.
+
+        Returns:
+            The choices, each as the changes under the law and all changes by their laws.
+        """
+        own = self.candidates(law)[0]
+        explained = [pair for pair in posed if self.fits(self.changes, *pair)]
+        effects = [self.program(law, own, problem.inputs)[problem.definition]]
+        found = []
+        for change in own if posed else ():
+            for other in change.others[:_MAX_EQUIVALENT_CHANGES]:
+                rest = tuple(one for one in (change, *change.others) if one != other)
+                new = {change: replace(other, others=rest)}
+                changes = {new.get(one, one): laws for one, laws in self.changes.items()}
+                some = _changes_under_law(changes, law)
+                effect = self.program(law, some, problem.inputs)[problem.definition]
+                known = any(
+                    np.allclose(effect, one, rtol=_ROUNDING_TOLERANCE, atol=0) for one in effects
+                )
+                if not known and all(self.fits(changes, *pair) for pair in explained):
+                    effects.append(effect)
+                    found.append((some, changes))
+        return found
+
+    def fits(self, changes: ChangesByLaw, table: Table, problem: RegressionProblem) -> bool:
+        """Return True if a program with some mistakes gives all answers to a quantity.
+
+        Args:
+            changes: The changes of the equations by their friction laws. Those of the table's law
+                are used.
+            table: The table with the quantity.
+            problem: The answers to the quantity, and its definition.
+        """
+        law = table.friction
+        return problem.fits(self.program(law, _changes_under_law(changes, law), problem.inputs))
+
+    # ---- digits and relations
+    def find_lost_digits(self, tables: Sequence[Table]) -> None:
+        """Mark as explained the quantities whose answers lack only their last digits.
+
+        They are compared with a program that has all mistakes found so far. Their relative errors
+        are small, and too many of their answers fail. The number of right digits becomes a cause.
+
+        Args:
+            tables: The tables of a level.
+        """
+        lost: dict[tuple[int, str], list[str]] = {}
+        for table in (table for table in tables if table.unexplained.any()):
+            expected = self.expected(table)
+            size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
+            law = f" ({table.friction} law)" if table.friction != "both" else ""
+            for stem in np.unique(table.quantity_names[table.unexplained]):
+                mine = table.quantity_names == stem
+                middle, share = float(np.median(size[mine])), table.unexplained[mine].mean()
+                loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
+                if loses and share > _LOST_SHARE:
+                    why = (
+                        "the digits that difference quotients leave"
+                        if stem.startswith("dv")
+                        else "too few"
+                    )
+                    lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
+                    table.unexplained[mine] = False
+        for (digits, why), names in sorted(lost.items()):
+            self.causes.append(
+                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {why}")
+            )
+
+    def expected(self, table: Table) -> Array:
+        """Return the answers to a table's questions that follow from the mistakes found so far.
+
+        Where these mistakes predict no value, the truth is returned.
+        """
+        predicted = self.predicted(table, self.candidates(table.friction)[0])
+        return np.where(np.isfinite(predicted), predicted, table.truth)
+
+    def find_relations(self, tables: Sequence[Table], reconstructed: bool = False) -> None:
+        """Mark as explained the quantities whose wrong answers have a simple relation to right
+        values, such as the wrong sign.
+
+        Each relation found becomes a cause. A relation of many quantities comes before one of few.
+
+        Args:
+            tables: The tables of a level.
+            reconstructed: True to take the values that follow from the mistakes found so far for the right
+                ones.
+        """
+        groups: dict[str, list[Relation]] = {}
+        some = [table for table in tables if table.unexplained.any()]
+        changes = [self.candidates(table.friction)[0] if reconstructed else () for table in some]
+        if reconstructed:
+            some = [replace(table, truth=self.expected(table)) for table in some]
+        truths = dict(self.truths)
+        for table in some:
+            truths.update(zip(table.ids, table.truth.tolist(), strict=True))
+        for table, known in zip(some, changes, strict=True):
+            variants = {
+                sentence: self.predicted(table, known, function)
+                for sentence, function in VARIANTS.get(table.kind, {}).items()
+            }
+            for relation in relations_of(table, truths, variants):
+                groups.setdefault(relation.sentence, []).append(relation)
+        total = {
+            (table.friction, stem) for table in tables for stem in np.unique(table.quantity_names)
+        }
+        for group in sorted(
+            groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
+        ):
+            sentence = group[0].sentence
+            new = [one for one in group if one.table.unexplained[one.answers].all()]
+            if not new or (len(new) < 2 and re.search(r"order|\^n|n!", sentence)):
+                continue  # one order alone proves nothing
+            self.causes.append(
+                (
+                    "relation",
+                    _relation_sentence(
+                        sentence, {(one.table.friction, one.quantity) for one in new}, total
+                    ),
+                )
+            )
+            for one in new:
+                one.table.unexplained[one.answers] = False
+
+    def change_sentence(self, change: Change, tables: Sequence[Table]) -> str:
+        """Return a sentence that describes a change of the equations, the likely mistake.
+
+        A friction law is added if the change is known under this law only, although the tables ask
+        for other laws too.
+
+        Args:
+            change: A known change.
+            tables: The tables of the level.
+        """
+        (*_, law), every = self.changes[change], {table.friction for table in tables} - {"both"}
+        only = len(self.changes[change]) == 1 and {law} < every
+        return change.sentence + (f", under the {law} law" if only else "")
+
+
+def _changes_under_law(changes: ChangesByLaw, law: str) -> list[Change]:
+    """Return the changes of the equations that are known under a friction law or under
+    both laws.
+    """
+    return [change for change, laws in changes.items() if laws & {law, "both"}]
+
+
+def _count_unexplained(tables: Iterable[Table]) -> int:
+    """Return the number of wrong answers in tables that are unexplained."""
+    return sum(int(table.unexplained.sum()) for table in tables)
+
+
+def _relation_sentence(
+    sentence: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]
+) -> str:
+    """Return the sentence about a relation of wrong answers, with the names of their quantities put
+    in.
+
+    Args:
+        sentence: The sentence, with {q} in place of the quantity.
+        stems: The quantities of the relation, each as friction law and name.
+        total: All quantities of the level, in the same form.
+    """
+    names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
+    whole = stems == total and len(stems) >= _MIN_ALL_ANSWERS
+    text = (
+        "all answers"
+        if whole
+        else " and ".join([", ".join(names[:-1]), names[-1]])
+        if len(names) > 1
+        else names[0]
+    )
+    if len(names) > 1 or whole:
+        sentence = re.sub(
+            r"^\{q\} (is|has|counts)\b",
+            lambda verb: "{q} " + {"is": "are", "has": "have", "counts": "count"}[verb[1]],
+            sentence,
+        )
+    others = {(law, name) for law, name in total if name in names} - stems
+    return sentence.replace("{q}", text) + (
+        f", under the {min(laws)} law" if others and len(laws) == 1 else ""
+    )
