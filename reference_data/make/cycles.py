@@ -17,7 +17,7 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
-from tippedisk_verify.reference_values.questions import Case, Values
+from tippedisk_verify.reference_values.entries import Case, Values
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
@@ -50,7 +50,7 @@ def omega_h_for(case: Case) -> Fraction:
 
 # ----------------------------------------------------------------------------------- whole periods
 def _rotates(case: Case) -> bool:
-    return case.item.kind in ("rotating-cycle", "rotation-fold")
+    return case.entry.kind in ("rotating-cycle", "rotation-fold")
 
 
 class _Period:
@@ -60,7 +60,7 @@ class _Period:
     rotating one. `Disk` never starts a cycle there.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         precision: The working precision.
         omega: The speed [rad/s].
         free: The free angle minus pi/2 [rad], and v [rad/s], at the start.
@@ -94,7 +94,7 @@ class _Period:
         )
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
-            raise AccuracyError(f"{case.item.id}: {self.result.status.value}")
+            raise AccuracyError(f"{case.entry.id}: {self.result.status.value}")
         mpf, number, state = precision.mpf, precision.number, self.result.state
         #: Derivatives of (beta, gamma, v) at the end with respect to the start and Omega.
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
@@ -181,12 +181,12 @@ def whole_period(case: Case, values: Values) -> Values:
     cycle's.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: The numbers to confirm.
     """
     # k for a speed 10^-k above Omega_h: each passage amplifies errors by about 10^k.
     zeros = 0
-    if case.item.kind == "near-heteroclinic":
+    if case.entry.kind == "near-heteroclinic":
         above = case.inputs["Omega"] - omega_h_for(case)
         zeros = len(str(above.denominator // above.numerator))
     precision = bits(_BITS if _rotates(case) else 220 + 8 * zeros)
@@ -214,7 +214,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
     arithmetic, start from the doubles nearest to `values`.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: The numbers to confirm.
     """
     names, precision = ("beta_bar_0", "v_0", "period", "omega"), bits(_BITS)
@@ -292,7 +292,7 @@ def scipy(case: Case, values: Values) -> Values:
     The method claims nine digits; the data record its distance from the value.
     """
     point = shoot_known_cycle(case, values, ScipyEngine())
-    if case.item.kind == "rotating-cycle":
+    if case.entry.kind == "rotating-cycle":
         numbers = {
             "period": point.image.time,
             "beta_bar_top": point.point[0],

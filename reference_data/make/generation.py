@@ -1,7 +1,7 @@
 """The making of the reference files, entry by entry, on several cores.
 
 An entry's answer is stored in ``.work`` in the output folder as soon as it is computed. Its name is
-a hash of the question and of the code that answers it, so that a later run of the same code can
+a hash of the entry and of the code that computes it, so that a later run of the same code can
 reuse it. The files are written when all answers exist, and renamed into place, the manifest last.
 Nothing in them depends on time or order, so a second run makes the same bytes on the same machine.
 """
@@ -30,7 +30,8 @@ from tippedisk_verify.files import (
 )
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.provenance import code_version, digest
-from tippedisk_verify.reference_values.checking import stored_questions
+from tippedisk_verify.reference_values.checking import stored_entries
+from tippedisk_verify.reference_values.entries import ReferenceEntry
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
@@ -43,10 +44,9 @@ from tippedisk_verify.reference_values.manifest import (
     manifest_text,
     sound_files,
 )
-from tippedisk_verify.reference_values.questions import ReferenceQuestion
 from tippedisk_verify.reference_values.store import load_store, table_rows
 
-__all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
+__all__ = ["DATA_VERSION", "entries_of", "generate", "replace_files", "write_manifest"]
 
 #: The version of the values, not of the program. reference_data/CHANGELOG.md lists its changes.
 DATA_VERSION = "2.0.0"
@@ -74,34 +74,34 @@ def generate(
         InputError: If no id starts with a prefix, or the folder cannot be written.
         AccuracyError: If two methods exclude each other.
     """
-    items = items_of([full_id(prefix) for prefix in prefixes])
-    if not items:
+    wanted = entries_of([full_id(prefix) for prefix in prefixes])
+    if not wanted:
         raise InputError(
             f"no entry starts with '{' or '.join(prefixes)[:100]}': try table1/linear/hopf"
         )
     with sole_writer(out) as folder:
         entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")
-        for (item, *_), answer in as_done(
-            _computed, [(item, work, _code()) for item in items], executor
+        for (entry, *_), answer in as_done(
+            _computed, [(entry, work, _code()) for entry in wanted], executor
         ):
-            entries[item.id] = answer
-            advance(item.id, 1)
+            entries[entry.id] = answer
+            advance(entry.id, 1)
         texts = _texts(entries)
         if folder.resolve() != data_folder().resolve():
             texts |= {name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in STATIC}
         replace_files(folder, texts)
         # A worker of a killed run may still write into it; the next run removes or reuses that.
         shutil.rmtree(work, ignore_errors=True)
-        return len(items)
+        return len(wanted)
 
 
-def items_of(prefixes: Sequence[str] = ()) -> list[ReferenceQuestion]:
-    """Return the questions of the table whose ids start with one of the prefixes, in its order."""
+def entries_of(prefixes: Sequence[str] = ()) -> list[ReferenceEntry]:
+    """Return the entries of the table whose ids start with one of the prefixes, in its order."""
     return [
-        entry.item
-        for entry in stored_questions(load_store())
-        if entry.item.id.startswith(tuple(prefixes) or "")
+        stored.entry
+        for stored in stored_entries(load_store())
+        if stored.entry.id.startswith(tuple(prefixes) or "")
     ]
 
 
@@ -111,21 +111,21 @@ def _code() -> str:
     return digest([code_version(), here])
 
 
-def _computed(job: tuple[ReferenceQuestion, Path, str]) -> dict[str, Any]:
+def _computed(job: tuple[ReferenceEntry, Path, str]) -> dict[str, Any]:
     """Return an entry's answer, from the work folder or computed and stored there.
 
     Raises:
         AccuracyError: If the code here differs from that of the process that asks.
     """
-    item, work, code = job
+    entry, work, code = job
     if _code() != code:
         raise AccuracyError(
             "the code, or a numerical package, has changed since this run began: start it again"
         )
-    cache, key = Cache(work), digest([code, item.id, dict(item.inputs), item.readings])
+    cache, key = Cache(work), digest([code, entry.id, dict(entry.inputs), entry.readings])
     kept: dict[str, Any] | None = cache.get(key)
     if kept is None:
-        kept = answered(item)
+        kept = answered(entry)
         cache.put(key, kept)
     return kept
 
@@ -149,7 +149,7 @@ def _texts(entries: Entries) -> dict[str, str]:
 
     Each line holds one quantity or proof, so that differences between versions are small.
     """
-    ordered = [item.id for item in items_of() if item.id in entries]
+    ordered = [entry.id for entry in entries_of() if entry.id in entries]
     rows = [
         [row[name] for name in VALUES_COLUMNS] for id_ in ordered for row in entries[id_]["rows"]
     ]

@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.questions import Case, Values
+from tippedisk_verify.reference_values.entries import Case, Values
 from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
@@ -30,7 +30,7 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
     """Prove an entry's numbers.
 
     Args:
-        case: The question, with its inputs as decimals.
+        case: The entry, with its inputs as decimals.
         values: The numbers.
 
     Returns:
@@ -40,16 +40,16 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
         AccuracyError: If the attempt ends without a proof, or an interval does not contain its
             enclosure.
     """
-    prove = _PROOFS.get(case.item.kind)
+    prove = _PROOFS.get(case.entry.kind)
     if prove is None or (
-        case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR
+        case.entry.kind == "near-heteroclinic" and case.entry.id.split("/")[3] not in _NEAR
     ):
         return None
     statement, command, enclosures = prove(case, values)
     for name, enclosure in enclosures.items():
         if not values[name].contains(enclosure):
             raise AccuracyError(
-                f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too "
+                f"{case.entry.id}/{name} does not contain its enclosure: it is wrong, or claims too "
                 f"much"
             )
     held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
@@ -59,7 +59,7 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
 def _equilibrium(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
-    omega = case.item.inputs["Omega"]
+    omega = case.entry.inputs["Omega"]
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
     enclosures = {
@@ -98,12 +98,12 @@ def _connection(case: Case, values: Values) -> Proof:
 def _cycle(case: Case, values: Values) -> Proof:
     from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 
-    omega = case.item.inputs["Omega"]
+    omega = case.entry.inputs["Omega"]
     proof = prove_cycle(
         case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS
     )
     if not proof.proved:
-        raise AccuracyError(f"{case.item.id}: {proof.statement}")
+        raise AccuracyError(f"{case.entry.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
     return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)
@@ -111,7 +111,7 @@ def _cycle(case: Case, values: Values) -> Proof:
 
 def _command(subject: str, case: Case, options: str = "", digits: int = _DIGITS) -> str:
     law = " --friction smooth" if case.disk.friction == "smooth" else ""
-    disk = case.item.id.partition("/")[0]
+    disk = case.entry.id.partition("/")[0]
     return f"tippedisk-verify certify {subject} --parameters {disk}{law}{options} --digits {digits}"
 
 

@@ -173,7 +173,9 @@ KINDS: dict[str, Kind] = {
         r"sqrt\(gamma_y\^2 \+ "
         r"epsilon\^2\)",
     ),
-    "gamma-sign": Kind("gamma_rate = -Omega", "gamma_rate = Omega", r"gamma_rate(: the sign| has the wrong sign)"),
+    "gamma-sign": Kind(
+        "gamma_rate = -Omega", "gamma_rate = Omega", r"gamma_rate(: the sign| has the wrong sign)"
+    ),
     "gamma-sine": Kind(
         "gamma_rate = -Omega * cb",
         "gamma_rate = -Omega * sb",

@@ -29,8 +29,8 @@ from tippedisk_verify.conformance.sheet import (
 )
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
+from tippedisk_verify.reference_values.entries import ReferenceEntry, case_of, disagreements
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
-from tippedisk_verify.reference_values.questions import ReferenceQuestion, case_of, disagreements
 from tippedisk_verify.reference_values.store import Store, load_store
 
 
@@ -99,12 +99,12 @@ def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
     asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
     for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
         here = [quantity for quantity in asked if quantity.id.startswith(f"{entry}/")]
-        item = ReferenceQuestion(entry, here[0].inputs)
+        fresh_entry = ReferenceEntry(entry, here[0].inputs)
         for reading in ("decimals", "doubles"):
             known = {quantity.name: quantity.measured(reading) for quantity in here}
             for name, method in CONFIRM[kind].items():
                 if name != "symbolic":  # compiles for seconds; another method confirms the same
-                    assert disagreements(known, method(case_of(item, reading), known)) == []
+                    assert disagreements(known, method(case_of(fresh_entry, reading), known)) == []
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])

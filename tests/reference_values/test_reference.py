@@ -22,14 +22,14 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.exact import exact, quotient
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import (
-    StoredQuestion,
+    StoredEntry,
     check,
-    recompute,
-    stored_questions,
+    recompute_and_compare,
+    stored_entries,
 )
+from tippedisk_verify.reference_values.entries import as_doubles, case_of
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.questions import as_doubles, case_of
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
@@ -153,17 +153,17 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
     ],
 )
 def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> None:
-    known = [entry for entry in stored_questions(store) if entry.item.kind == kind]
-    for entry in random.Random(7).sample(known, min(entries, len(known))):
-        count, faults = recompute(entry)
+    known = [stored for stored in stored_entries(store) if stored.entry.kind == kind]
+    for stored in random.Random(7).sample(known, min(entries, len(known))):
+        count, faults = recompute_and_compare(stored)
         assert faults == []
-        assert count == len(entry.quantities) * len(entry.item.readings)
+        assert count == len(stored.quantities) * len(stored.entry.readings)
 
 
 @pytest.mark.parametrize("id_", ["limit-cycle/crit-0.5", "rotating-cycle/unstable-crit+0.5"])
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
-    (entry,) = stored_questions(store, f"table1/linear/{id_}/")
-    case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
+    (stored,) = stored_entries(store, f"table1/linear/{id_}/")
+    case, values = case_of(stored.entry, "decimals"), {q.name: float(q) for q in stored.quantities}
     found = shoot_known_cycle(case, values, ScipyEngine())
     names = found.return_map.section.names
     # SciPy's tolerance is 1e-13
@@ -171,16 +171,16 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
 
 
 def test_a_false_digit_is_found(store: Store) -> None:
-    (entry,) = stored_questions(store, "table1/linear/hopf/")
+    (stored,) = stored_entries(store, "table1/linear/hopf/")
     changed = []
-    for quantity in entry.quantities:
+    for quantity in stored.quantities:
         value, uncertainty = quantity.values["decimals"]
         if quantity.name == "period_slope":
             value = value[:30] + str((int(value[30]) + 5) % 10) + value[31:]
         changed.append(
             replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)})
         )
-    _, faults = recompute(StoredQuestion(entry.item, tuple(changed)))
+    _, faults = recompute_and_compare(StoredEntry(stored.entry, tuple(changed)))
     assert len(faults) == 1
     assert "period_slope" in faults[0]
 

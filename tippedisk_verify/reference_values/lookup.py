@@ -90,8 +90,8 @@ def _with_drawn(prefix: str) -> Store:
     if not prefix.startswith("fresh-"):
         return load_store()
     from tippedisk_verify.reference_values.fresh import (  # slow to import
-        fresh_question_ids,
+        fresh_entry_ids,
         with_fresh,
     )
 
-    return with_fresh(load_store(), fresh_question_ids(prefix))
+    return with_fresh(load_store(), fresh_entry_ids(prefix))
