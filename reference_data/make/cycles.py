@@ -17,7 +17,7 @@ from tippedisk_verify.model.equations import field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, bits
-from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
@@ -162,7 +162,7 @@ class _Period:
         return {name: fraction(number) for name, number in numbers.items()}
 
 
-def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
+def _claimed(numbers: dict[str, Fraction], values: MeasuredValues) -> MeasuredValues:
     """Return the numbers with half-widths that claim 35 digits, plus the half-widths of `values`.
 
     After the last Newton step only rounding is left.
@@ -173,7 +173,7 @@ def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     }
 
 
-def whole_period(case: Case, values: Values) -> Values:
+def whole_period(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Solve for a cycle over a whole period, by two Newton steps of the bordered system.
 
     A librating cycle starts at beta = pi/2, a rotating one at gamma = -pi/2. The first step starts
@@ -206,7 +206,7 @@ def whole_period(case: Case, values: Values) -> Values:
     return _claimed(results, values)
 
 
-def fold_from_the_bottom(case: Case, values: Values) -> Values:
+def fold_from_the_bottom(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Solve for the fold of the rotating cycles from gamma = -pi/2, with Omega free.
 
     At a fold 1 is a double eigenvalue of the monodromy matrix, so its trace is 2 plus the fast
@@ -257,7 +257,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
 
 
 # ----------------------------------------------------------------------------------- other methods
-def balance(case: Case, values: Values) -> Values:
+def balance(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a librating cycle by harmonic balance.
 
     Returns {} for the smooth law and close to Omega_h.
@@ -269,7 +269,7 @@ def balance(case: Case, values: Values) -> Values:
     return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
-def collocation(case: Case, values: Values) -> Values:
+def collocation(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a rotating cycle by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
@@ -279,14 +279,14 @@ def collocation(case: Case, values: Values) -> Values:
     return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": both - slow}
 
 
-def fold_by_collocation(case: Case, values: Values) -> Values:
+def fold_by_collocation(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
     return spectral_fold(case.disk, digits=_COLLOCATED_FOLD)
 
 
-def scipy(case: Case, values: Values) -> Values:
+def scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a cycle by shooting with SciPy in double precision.
 
     The method claims nine digits; the data record its distance from the value.
@@ -311,7 +311,7 @@ def scipy(case: Case, values: Values) -> Values:
     return {name: Measured.of(value, abs(value) * 1e-9 + 1e-12) for name, value in numbers.items()}
 
 
-def fold_by_scipy(case: Case, values: Values) -> Values:
+def fold_by_scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the fold of the rotating cycles with SciPy in double precision.
 
     The method claims seven digits; the data record its distance from the value.

@@ -35,16 +35,16 @@ from tippedisk_verify.reference_values.entries import ReferenceEntry
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
-    FILES,
+    COMPUTED_FILES,
+    DATA_FILES,
+    HANDWRITTEN_FILES,
     MANIFEST,
     MAX_FILE_BYTES,
-    STATIC,
-    VALUES,
     data_folder,
     manifest_text,
-    sound_files,
+    verified_texts,
 )
-from tippedisk_verify.reference_values.store import load_store, table_rows
+from tippedisk_verify.reference_values.store import load_store, parse_values_csv
 
 __all__ = ["DATA_VERSION", "entries_of", "generate", "replace_files", "write_manifest"]
 
@@ -89,7 +89,9 @@ def generate(
             advance(entry.id, 1)
         texts = _texts(entries)
         if folder.resolve() != data_folder().resolve():
-            texts |= {name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in STATIC}
+            texts |= {
+                name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in HANDWRITTEN_FILES
+            }
         replace_files(folder, texts)
         # A worker of a killed run may still write into it; the next run removes or reuses that.
         shutil.rmtree(work, ignore_errors=True)
@@ -138,9 +140,11 @@ def _present(folder: Path) -> Entries:
     """
     if not (folder / MANIFEST).exists():
         return {}
-    texts = sound_files(folder, VALUES)
+    texts = verified_texts(folder, COMPUTED_FILES)
     proofs = json.loads(texts["proofs.json"])
-    by_entry = groupby(table_rows(texts["values.csv"]), key=lambda row: row["id"].rsplit("/", 1)[0])
+    by_entry = groupby(
+        parse_values_csv(texts["values.csv"]), key=lambda row: row["id"].rsplit("/", 1)[0]
+    )
     return {id_: {"rows": list(rows), "proof": proofs.get(id_)} for id_, rows in by_entry}
 
 
@@ -187,7 +191,7 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> None
             its old and its new form.
     """
     files: dict[str, dict[str, Any]] = {}
-    for name in (name for name in FILES if (folder / name).is_file()):
+    for name in (name for name in DATA_FILES if (folder / name).is_file()):
         read = read_bytes(folder / name, MAX_FILE_BYTES)
         files[name] = {"sha256": digest(read), "bytes": len(read)}
         if ahead and name in ahead:

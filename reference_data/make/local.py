@@ -15,7 +15,7 @@ from tippedisk_verify.model.exact import fraction, quotient
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import bits
-from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import (
     BITS,
     DIGITS,
@@ -51,7 +51,7 @@ def _compiled(law: Any, working: int) -> Any:
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
 
-def symbolic(case: Case, values: Values) -> Values:
+def symbolic(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the acceleration and its slopes by heyoka's symbolic derivatives."""
     return (
         {}
@@ -80,7 +80,7 @@ def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # -------------------------------------------------------------------------------------- Hopf point
-def hopf_by_balance(case: Case, values: Values) -> Values:
+def hopf_by_balance(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the Hopf point without a normal form."""
     return evaluate_in_two_precisions(partial(_hopf_by_balance, case), correct_bits=BITS - 20)
 
@@ -117,7 +117,7 @@ def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # ----------------------------------------------------------------------------------- slow manifold
-def differences(case: Case, values: Values) -> Values:
+def differences(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute each order of the slow manifold from the lower ones and their difference quotients.
 
     The invariance condition at order n needs h_0 ... h_(n-1) and their slopes. The slopes are
@@ -171,7 +171,7 @@ def differences(case: Case, values: Values) -> Values:
 
 
 # ------------------------------------------------------------------------------------------ orbits
-def orbit_by_scipy(case: Case, values: Values) -> Values:
+def orbit_by_scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Integrate an orbit with SciPy.
 
     The change that a hundredfold looser tolerance makes bounds the error.

@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.entries import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
@@ -23,10 +23,10 @@ _OMEGA_H_DIGITS = 104  # so that the enclosures lie inside the intervals of the 
 _NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
 
 
-Proof = tuple[str, str, Values]  #: statement, command, enclosures
+Proof = tuple[str, str, MeasuredValues]  #: statement, command, enclosures
 
 
-def proved(case: Case, values: Values) -> dict[str, Any] | None:
+def proved(case: Case, values: MeasuredValues) -> dict[str, Any] | None:
     """Prove an entry's numbers.
 
     Args:
@@ -56,7 +56,7 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
     return {"statement": statement, "command": command, "enclosures": held}
 
 
-def _equilibrium(case: Case, values: Values) -> Proof:
+def _equilibrium(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
     omega = case.entry.inputs["Omega"]
@@ -68,7 +68,7 @@ def _equilibrium(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("equilibria", case, f" --omega {omega}"), enclosures)
 
 
-def _hopf(case: Case, values: Values) -> Proof:
+def _hopf(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     proof = proved_hopf(case.disk, _DIGITS)
@@ -77,7 +77,7 @@ def _hopf(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("hopf", case), enclosures)
 
 
-def _connection(case: Case, values: Values) -> Proof:
+def _connection(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
     # Start as the command does: the stored value has too few digits for so short an interval.
@@ -95,7 +95,7 @@ def _connection(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
 
-def _cycle(case: Case, values: Values) -> Proof:
+def _cycle(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 
     omega = case.entry.inputs["Omega"]
@@ -115,7 +115,7 @@ def _command(subject: str, case: Case, options: str = "", digits: int = _DIGITS)
     return f"tippedisk-verify certify {subject} --parameters {disk}{law}{options} --digits {digits}"
 
 
-_PROOFS: dict[str, Callable[[Case, Values], Proof]] = {
+_PROOFS: dict[str, Callable[[Case, MeasuredValues], Proof]] = {
     "equilibrium": _equilibrium,
     "hopf": _hopf,
     "heteroclinic": _connection,

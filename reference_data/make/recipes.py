@@ -16,15 +16,15 @@ from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
     STORED_DIGITS,
     Case,
+    MeasuredValues,
     Reading,
     ReferenceEntry,
-    Values,
     case_of,
     disagreements,
     rounded_to_digits,
 )
-from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.manifest import data_folder, sound_files
+from tippedisk_verify.reference_values.grading_rules import values_csv_row
+from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
@@ -34,11 +34,11 @@ _USUAL_DIGITS = 36
 _CONFIRMED = Fraction(1, 10**30)
 
 
-def _again(case: Case, values: Values) -> Values:
+def _again(case: Case, values: MeasuredValues) -> MeasuredValues:
     return truths.cross_check_values(case, _USUAL_DIGITS)
 
 
-def _shifted(case: Case, values: Values) -> Values:
+def _shifted(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Integrate in shifted angles, with ten digits more.
 
     Its own error is then far below the half-widths that it is compared with.
@@ -47,7 +47,7 @@ def _shifted(case: Case, values: Values) -> Values:
 
 
 #: The methods after the first of each kind, by their names in methods.csv.
-CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
+CONFIRM: dict[str, dict[str, Callable[[Case, MeasuredValues], MeasuredValues]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
     "hopf": {"balance": local.hopf_by_balance},
@@ -84,11 +84,13 @@ def methods_of(kind: str) -> dict[str, bool]:
     Returns:
         True for each method that shares no integrator with the first.
     """
-    rows = csv.DictReader(sound_files(data_folder(), ["methods.csv"])["methods.csv"].splitlines())
+    rows = csv.DictReader(
+        verified_texts(data_folder(), ["methods.csv"])["methods.csv"].splitlines()
+    )
     return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
 
 
-def confirmed(case: Case, values: Values) -> dict[str, Values]:
+def confirmed(case: Case, values: MeasuredValues) -> dict[str, MeasuredValues]:
     """Compute the numbers by each further method.
 
     Args:
@@ -117,7 +119,7 @@ def answered(entry: ReferenceEntry) -> dict[str, Any]:
     """
     kind, digits = entry.kind, _DIGITS.get(entry.kind, _USUAL_DIGITS)
     kept = max(STORED_DIGITS, digits - 2)
-    values: dict[Reading, Values] = {}
+    values: dict[Reading, MeasuredValues] = {}
     distances: dict[str, dict[str, Fraction]] = {}
     twice: set[str] = set()
     for reading in entry.readings:
@@ -156,11 +158,11 @@ def answered(entry: ReferenceEntry) -> dict[str, Any]:
             grade,
             {next(iter(methods_of(kind))): "0", **by},
         )
-        rows.append(table_row(case.disk.decimals(), quantity))
+        rows.append(values_csv_row(case.disk.decimals(), quantity))
     return {"rows": rows, "proof": proof}
 
 
-def _slopes(case: Case, values: Values) -> truths.Sensitivities:
+def _slopes(case: Case, values: MeasuredValues) -> truths.Sensitivities:
     """Return condition numbers; next to Omega_h by steps far smaller than the distance."""
     if case.entry.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
         return truths.sensitivities(case, values)

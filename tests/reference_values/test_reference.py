@@ -27,14 +27,14 @@ from tippedisk_verify.reference_values.checking import (
     recompute_and_compare,
     stored_entries,
 )
-from tippedisk_verify.reference_values.entries import as_doubles, case_of
+from tippedisk_verify.reference_values.entries import case_of, disk_in_doubles
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
     load_store,
-    table_rows,
+    parse_values_csv,
 )
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
@@ -70,7 +70,7 @@ def test_numbers_have_34_digits_and_omega_h_100_by_two_methods(store: Store) -> 
 
 def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Store) -> None:
     seen, numbers = 0, {}
-    for row in table_rows((data_folder() / "values.csv").read_text()):
+    for row in parse_values_csv((data_folder() / "values.csv").read_text()):
         numbers[row["set"]] = tuple(row[symbol] for symbol in SYMBOLS)
         for name in (*SYMBOLS, "Omega", "beta", "gamma", "v", "t"):
             if row["value_from_doubles"] and row[name]:
@@ -83,7 +83,8 @@ def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Stor
         disk = Disk(name)
         assert numbers.pop(name) == tuple(disk.decimals()[symbol] for symbol in SYMBOLS)
         assert all(
-            getattr(as_doubles(disk), symbol) == float(getattr(disk, symbol)) for symbol in SYMBOLS
+            getattr(disk_in_doubles(disk), symbol) == float(getattr(disk, symbol))
+            for symbol in SYMBOLS
         )
 
 

@@ -21,18 +21,18 @@ from tippedisk_verify.model.decimals import arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.grading_rules import (
-    ROUNDING,
+    ROUNDING_CHANGE,
     digits_needed,
     scale_of,
-    slopes_of,
     split_name,
+    worst_case_sensitivity,
 )
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import (
     Reading,
     ReferenceValue,
     is_optional,
-    optional_beside,
+    optional_ids_of_state,
 )
 
 __all__ = [
@@ -233,7 +233,7 @@ def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list
         answers: The answers of a sheet.
         store: The questions with their truths.
     """
-    ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_beside(id_)))
+    ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_ids_of_state(id_)))
     with arithmetic():
         return [_grade(store[id_], *answers.by_id[id_]) for id_ in ids if id_ in answers.by_id]
 
@@ -280,13 +280,13 @@ def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
     away = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
-    slopes = slopes_of(reference_value)
+    slopes = worst_case_sensitivity(reference_value)
     close = digits >= min(most, needs)
     if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _MIN_DIGITS and away <= slopes * Decimal(ROUNDING):
+    elif digits >= _MIN_DIGITS and away <= slopes * Decimal(ROUNDING_CHANGE):
         verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
     elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"

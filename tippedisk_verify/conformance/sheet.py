@@ -37,7 +37,7 @@ from tippedisk_verify.reference_values.store import (
     Store,
     definition_of,
     is_optional,
-    optional_beside,
+    optional_ids_of_state,
 )
 
 __all__ = [
@@ -139,7 +139,7 @@ def _optional_questions(reference_value: ReferenceValue) -> list[ReferenceValue]
     [] for other questions.
     """
     blank = replace(reference_value, values=dict.fromkeys(reference_value.values, ("", "")))
-    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(reference_value.id)]
+    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_ids_of_state(reference_value.id)]
     return [
         replace(blank, id=id_, name=name, unit=definition_of("rhs", name).unit)
         for id_, name in names

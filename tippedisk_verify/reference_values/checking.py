@@ -14,15 +14,20 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import as_done
 from tippedisk_verify.reference_values.entries import (
+    MeasuredValues,
     Reading,
     ReferenceEntry,
-    Values,
     case_of,
     disagreements,
 )
-from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
-from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
+from tippedisk_verify.reference_values.grading_rules import values_csv_row
+from tippedisk_verify.reference_values.manifest import (
+    DATA_FILES,
+    MANIFEST,
+    faults_in_files,
+    verified_texts,
+)
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, parse_values_csv
 from tippedisk_verify.reference_values.truths import cross_check_values
 
 __all__ = ["CheckReport", "StoredEntry", "check", "recompute_and_compare", "stored_entries"]
@@ -51,7 +56,7 @@ class StoredEntry:
     entry: ReferenceEntry
     quantities: tuple[ReferenceValue, ...]
 
-    def values(self, reading: Reading) -> Values:
+    def values(self, reading: Reading) -> MeasuredValues:
         """Return the stored numbers for one reading of the inputs, by name."""
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
@@ -112,7 +117,7 @@ def check(
         faults = _faults_in_rows(folder, store)
     except (InputError, AttributeError, ArithmeticError) as fault:
         return CheckReport(
-            len(FILES),
+            len(DATA_FILES),
             0,
             0,
             getattr(fault, "faults", (f"the files are not reference data: {fault}",)),
@@ -125,7 +130,7 @@ def check(
         faults += wrong
         advance(stored.entry.id, 1)
     numbers = sum(len(quantity.values) for quantity in store.values())
-    return CheckReport(len(FILES), numbers, recomputed, tuple(faults))
+    return CheckReport(len(DATA_FILES), numbers, recomputed, tuple(faults))
 
 
 def _faults_in_rows(folder: Path, store: Store) -> list[str]:
@@ -135,9 +140,9 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     contain the proved enclosure.
     """
     faults = []
-    rows = table_rows(sound_files(folder, ["values.csv"])["values.csv"])
+    rows = parse_values_csv(verified_texts(folder, ["values.csv"])["values.csv"])
     for row, quantity in zip(rows, store.values(), strict=True):
-        derived = table_row(store.parameters[quantity.set], quantity)
+        derived = values_csv_row(store.parameters[quantity.set], quantity)
         faults += [
             f"{quantity.id}: {name} does not follow from the other columns"
             for name, text in derived.items()

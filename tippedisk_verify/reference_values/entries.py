@@ -1,7 +1,8 @@
 """Entries of the reference data, and entries with their inputs read in one way (cases).
 
-An entry is a state, an equilibrium or a cycle that questions are about. Its inputs are decimals. A user may take them exactly, or as the IEEE doubles nearest to them.
-Each of the two is a *reading*, with an answer of its own.
+An entry is a state, an equilibrium or a cycle that questions are about. Its inputs are decimals. A
+user may take them exactly, or as the IEEE doubles nearest to them. Each of the two is a *reading*,
+with numbers of its own.
 """
 
 from __future__ import annotations
@@ -22,17 +23,17 @@ __all__ = [
     "READINGS",
     "STORED_DIGITS",
     "Case",
+    "MeasuredValues",
     "Reading",
     "ReferenceEntry",
-    "Values",
-    "as_doubles",
     "case_of",
     "disagreements",
+    "disk_in_doubles",
     "rounded_to_digits",
 ]
 
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
-Values = dict[str, Measured]
+MeasuredValues = dict[str, Measured]
 STORED_DIGITS = 50  #: significant digits of a stored number; Omega_h has more
 
 
@@ -73,7 +74,7 @@ class Case:
     inputs: Mapping[str, Any]  #: exact rationals, and words
 
 
-def as_doubles(disk: Disk) -> Disk:
+def disk_in_doubles(disk: Disk) -> Disk:
     """Return a copy of a disk whose parameters are the IEEE doubles nearest to those of `disk`."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(disk, name))) for name in SYMBOLS}
     return Disk(**rounded, name=disk.name, friction=disk.friction)
@@ -95,7 +96,7 @@ def case_of(entry: ReferenceEntry, reading: Reading) -> Case:
             inputs[name] = text
             continue
         inputs[name] = Fraction(float(number)) if reading == "doubles" else number
-    return Case(entry, as_doubles(disk) if reading == "doubles" else disk, inputs)
+    return Case(entry, disk_in_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
 def rounded_to_digits(measured: Measured, digits: int) -> Measured:
@@ -107,7 +108,7 @@ def rounded_to_digits(measured: Measured, digits: int) -> Measured:
     return round(measured, places) if size else measured
 
 
-def disagreements(values: Values, others: Values) -> list[str]:
+def disagreements(values: MeasuredValues, others: MeasuredValues) -> list[str]:
     """Return a line for each quantity whose values from two computations exclude each other.
 
     Args:

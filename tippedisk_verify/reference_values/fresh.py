@@ -60,7 +60,7 @@ def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
         ``name`` is that of the draw, ``below`` and ``above`` are the bounds of the relative
         distance, and ``places`` is the number of decimal places.
         """
-        return draw.between(
+        return draw.decimal_between(
             name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places
         )
 
@@ -72,23 +72,25 @@ def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
         # A quarter of the speeds come from a wide range, the others lie speed_near_crit Omega_crit. A tenth of
         # the states lie speed_near_crit beta = pi/2.
         speed = (
-            draw.between(f"Omega {n}", 5, 60, 4)
+            draw.decimal_between(f"Omega {n}", 5, 60, 4)
             if n % 4 == 0
             else speed_near_crit(f"Omega {n}", "-0.05", "0.05", 4)
         )
         width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
         state = {
-            "beta": draw.between(f"beta {n}", _ABOUT_HALF_PI - width, _ABOUT_HALF_PI + width, 6),
-            "gamma": draw.between(
+            "beta": draw.decimal_between(
+                f"beta {n}", _ABOUT_HALF_PI - width, _ABOUT_HALF_PI + width, 6
+            ),
+            "gamma": draw.decimal_between(
                 f"gamma {n}", _ABOUT_HALF_PI - Fraction("4.7"), _ABOUT_HALF_PI + Fraction("4.7"), 5
             ),
-            "v": draw.between(f"v {n}", -12, 12, 4),
+            "v": draw.decimal_between(f"v {n}", -12, 12, 4),
         }
         for law in ("both", *_LAWS):
             yield entry(law, "rhs", place, Omega=speed, **state)
     for n, speed in enumerate(
         (
-            draw.between("equilibrium 1", 5, 60, 4),
+            draw.decimal_between("equilibrium 1", 5, 60, 4),
             speed_near_crit("equilibrium 2", "-0.05", "0.05", 4),
         ),
         1,
@@ -100,8 +102,8 @@ def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
     for form in ("printed", "consistent"):
         yield entry("linear", "harmonic-balance", form, Omega=speed, form=form)
     angles = {
-        "beta": draw.between("slow beta", "0.8", "2.3", 4),
-        "gamma": draw.between("slow gamma", "-1.5", "4.5", 4),
+        "beta": draw.decimal_between("slow beta", "0.8", "2.3", 4),
+        "gamma": draw.decimal_between("slow gamma", "-1.5", "4.5", 4),
     }
     yield entry(
         "linear",
@@ -112,13 +114,13 @@ def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
     )
     # Near inverted spinning: from there the disk does not lie flat within two seconds.
     start = {
-        "beta": draw.between(
+        "beta": draw.decimal_between(
             "orbit beta", _ABOUT_HALF_PI - Fraction("0.3"), _ABOUT_HALF_PI + Fraction("0.3"), 4
         ),
-        "gamma": draw.between(
+        "gamma": draw.decimal_between(
             "orbit gamma", _ABOUT_HALF_PI - Fraction("0.8"), _ABOUT_HALF_PI + Fraction("0.8"), 4
         ),
-        "v": draw.between("orbit v", -2, 2, 4),
+        "v": draw.decimal_between("orbit v", -2, 2, 4),
     }
     for law in _LAWS:
         yield entry(
@@ -212,7 +214,7 @@ def with_fresh(
         truths += _true_quantities(entry.id)
         advance(entry.id, 1)
     return (
-        store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
+        store.merged_with(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
         if truths
         else store
     )

@@ -33,14 +33,14 @@ from tippedisk_verify.reference_values.entries import (
     READINGS,
     STORED_DIGITS,
     Case,
+    MeasuredValues,
     Reading,
     ReferenceEntry,
-    Values,
     case_of,
     rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import (
-    OPTIONAL,
+    OPTIONAL_QUANTITIES,
     ReferenceValue,
     definition_of,
     quantity_definitions,
@@ -82,7 +82,7 @@ _HALF_PI = PI * Fraction(1, 2)
 Sensitivities = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
-def true_values(case: Case, digits: int) -> Values:
+def true_values(case: Case, digits: int) -> MeasuredValues:
     """Compute the true numbers of an entry of the reference data.
 
     Args:
@@ -93,7 +93,7 @@ def true_values(case: Case, digits: int) -> Values:
     return _FIRST_METHODS[case.entry.kind](case, digits)
 
 
-def cross_check_values(case: Case, digits: int) -> Values:
+def cross_check_values(case: Case, digits: int) -> MeasuredValues:
     """Compute the true numbers of an entry in a second formulation, if there is one, as a check.
 
     Args:
@@ -103,7 +103,7 @@ def cross_check_values(case: Case, digits: int) -> Values:
     return {**_FIRST_METHODS, **_SECOND_METHODS}[case.entry.kind](case, digits)
 
 
-def sensitivities(case: Case, values: Values) -> Sensitivities:
+def sensitivities(case: Case, values: MeasuredValues) -> Sensitivities:
     """Return how sensitive the numbers of an entry are: the change of each number per relative
     change of each parameter and input.
 
@@ -151,7 +151,7 @@ def _with_moved_input(case: Case, name: str, factor: Fraction) -> Case:
 
 def evaluate_in_two_precisions(
     evaluate: Callable[[Any], Mapping[str, Any]], lower_bits: int = BITS, correct_bits: int = BITS
-) -> Values:
+) -> MeasuredValues:
     """Evaluate a function in two precisions, and return the values with the error that this shows.
 
     Args:
@@ -246,11 +246,11 @@ def _optional_terms(case: Case, ctx: Any) -> dict[str, Any]:
     """
     c, omega, beta, gamma, v = _constants_and_inputs(ctx, case, "Omega", *STATE_NAMES)
     parts = terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
-    return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
+    return dict(zip(OPTIONAL_QUANTITIES, (c.Bbar, *parts), strict=True))
 
 
 def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]:
-    """Compute the optional quantities of a state, in the order of `OPTIONAL`.
+    """Compute the optional quantities of a state, in the order of `OPTIONAL_QUANTITIES`.
 
     Args:
         reference_value: A quantity of the same state.
@@ -274,11 +274,11 @@ def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]
             },
             slopes[name],
         )
-        for name in OPTIONAL
+        for name in OPTIONAL_QUANTITIES
     ]
 
 
-def _equilibrium(case: Case, digits: int) -> Values:
+def _equilibrium(case: Case, digits: int) -> MeasuredValues:
     state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
     return _eigenvalue_parts((value.re, value.im) for value in state.eigenvalues)
 
@@ -404,7 +404,7 @@ def trajectory_numbers(
     )
 
 
-def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values:
+def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> MeasuredValues:
     """Return the numbers of an orbit in the paper's angles, with half-widths, by name.
 
     Args:
@@ -422,7 +422,7 @@ def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values
     }
 
 
-def _trajectory_in_double(case: Case, values: Values) -> dict[str, Any]:
+def _trajectory_in_double(case: Case, values: MeasuredValues) -> dict[str, Any]:
     return {
         name: value
         for name, (value, _) in trajectory_numbers(
@@ -432,7 +432,7 @@ def _trajectory_in_double(case: Case, values: Values) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
-def _asked_numbers(case: Case, result: Any) -> Values:
+def _asked_numbers(case: Case, result: Any) -> MeasuredValues:
     """Return those numbers of a result that the reference data contain for this kind of entry,
     by name.
     """
@@ -451,12 +451,12 @@ def shoot_known_cycle(case: Case, values: Mapping[str, Any], engine: Engine) -> 
     )
 
 
-def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
+def _cycle_in_double(case: Case, values: MeasuredValues) -> dict[str, Any]:
     numbers = numbers_in_precision(shoot_known_cycle(case, values, default_engine()), DOUBLE)
     return {name: float(numbers[name]) for name in quantity_definitions()[case.entry.kind]}
 
 
-def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values:
+def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> MeasuredValues:
     """Compute Omega_h and the saddle's eigenvalues there, by name.
 
     Args:
@@ -474,7 +474,7 @@ def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values
     )
 
 
-_FIRST_METHODS: dict[str, Callable[[Case, int], Values]] = {
+_FIRST_METHODS: dict[str, Callable[[Case, int], MeasuredValues]] = {
     "rhs": lambda case, digits: evaluate_in_two_precisions(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
     "hopf": lambda case, digits: _asked_numbers(case, case.disk.hopf(digits=DIGITS)),
@@ -507,7 +507,7 @@ _FIRST_METHODS: dict[str, Callable[[Case, int], Values]] = {
         case, case.disk.rotation_fold(digits=digits)
     ),
 }
-_SECOND_METHODS: dict[str, Callable[[Case, int], Values]] = {
+_SECOND_METHODS: dict[str, Callable[[Case, int], MeasuredValues]] = {
     "rhs": lambda case, digits: evaluate_in_two_precisions(
         partial(_right_hand_side, case, shift=True), WIDER_BITS, WIDER_BITS
     ),
@@ -521,7 +521,7 @@ _SECOND_METHODS: dict[str, Callable[[Case, int], Values]] = {
     ),
     "trajectory": partial(trajectory_values, shift=True),
 }
-CheapEvaluation = Callable[[Case, Values], Mapping[str, Any]]
+CheapEvaluation = Callable[[Case, MeasuredValues], Mapping[str, Any]]
 # A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
 # orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 # 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
