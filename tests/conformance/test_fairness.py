@@ -149,7 +149,7 @@ def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Pat
     path = tmp_path / "a.csv"
     path.write_text("id,answer\n" + "\n".join(rows) + "\n")
     answers = read_answers(path, store)
-    assert answers.missing == ["table1/linear/hopf/point"]
+    assert answers.missing_entries == ["table1/linear/hopf/point"]
     verdicts = {
         grade.id.rsplit("/", 1)[1]: grade.verdict for grade in grade_answers(answers, store)
     }

@@ -25,7 +25,7 @@ from tippedisk_verify.conformance.sheet import (
     read_answers,
     sheet_csv,
     sheet_json,
-    store_for,
+    store_for_sheet,
 )
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
@@ -190,15 +190,15 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
         row["answer"] = short[row["id"]]
     for text in (json.dumps(short), json.dumps(short).replace("/", "\\/"), json.dumps(full)):
         (tmp_path / "a.json").write_text(text)
-        found = store_for(tmp_path / "a.json", load_store())
+        found = store_for_sheet(tmp_path / "a.json", load_store())
         answers = read_answers(tmp_path / "a.json", found)
         grades = grade_answers(answers, found)
         assert [grade.id for grade in grades] == ids
         assert not any(grade.failed for grade in grades)
-        assert (answers.unknown, answers.altered_entries) == ([], [])
+        assert (answers.unknown_ids, answers.altered_rows) == ([], [])
     full["questions"][0]["mu"] = "0.3"
     (tmp_path / "a.json").write_text(json.dumps(full))
-    assert read_answers(tmp_path / "a.json", found).altered_entries == [f"{ids[0]}, mu"]
+    assert read_answers(tmp_path / "a.json", found).altered_rows == [f"{ids[0]}, mu"]
 
 
 def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

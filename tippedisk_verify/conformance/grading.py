@@ -39,9 +39,9 @@ __all__ = [
     "LEVEL_NAMES",
     "Grade",
     "Tally",
+    "agreeing_digits",
     "answer_text",
     "compare",
-    "digits_between",
     "grade_answers",
     "tally_levels",
     "tally_quantities",
@@ -203,27 +203,27 @@ class Tally(Printable):
         )
 
 
-def digits_between(
-    answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf
+def agreeing_digits(
+    answer: Decimal, truth: Decimal, scale: Decimal, max_digits: float = math.inf
 ) -> float:
     """Return the number of digits to which an answer agrees with the truth.
 
-    It is -log10(|answer - truth| / scale), between -99 and ``most``.
+    It is -log10(|answer - truth| / scale), between -99 and ``max_digits``.
 
     Args:
         answer: The answer.
         truth: The true value.
         scale: The size relative to which the error is counted.
-        most: The maximum number of digits, and the result for an exact answer.
+        max_digits: The maximum number of digits, and the result for an exact answer.
     """
-    away = abs(answer - truth)
-    if not away:
-        return most
+    error = abs(answer - truth)
+    if not error:
+        return max_digits
     if not scale:
         return 0.0
-    share = away / scale
+    share = error / scale
     near = share.adjusted() + math.log10(float(share.scaleb(-share.adjusted())))
-    return min(max(0.0 - near, -99.0), most)
+    return min(max(0.0 - near, -99.0), max_digits)
 
 
 def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]:
@@ -275,26 +275,29 @@ def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
         )
     truth, uncertainty = Decimal(value[0]), Decimal(value[1])
     scale = scale_of(reference_value, truth)
-    most = digits_between(truth + uncertainty, truth, scale, 120.0)
-    digits = digits_between(answer, truth, scale, most)
-    away = abs(answer - truth)
+    max_digits = agreeing_digits(truth + uncertainty, truth, scale, 120.0)
+    digits = agreeing_digits(answer, truth, scale, max_digits)
+    error = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
     slopes = worst_case_sensitivity(reference_value)
-    close = digits >= min(most, needs)
-    if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
+    close = digits >= min(max_digits, needs)
+    if close and (error <= uncertainty + half_unit or _is_nearest_double(answer, truth)):
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _MIN_DIGITS and away <= slopes * Decimal(ROUNDING_CHANGE):
-        verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
+    elif digits >= _MIN_DIGITS and error <= slopes * Decimal(ROUNDING_CHANGE):
+        verdict, note = (
+            "rounding",
+            "as far off as rounding the inputs to doubles makes it",
+        )
     elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"
     if reading == "decimals" and verdict != "exact" and "doubles" in reference_value.values:
         other, width = (Decimal(part) for part in reference_value.values["doubles"])
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
-    off = float(away / slopes) if slopes else math.nan
+    as_input_change = float(error / slopes) if slopes else math.nan
     return Grade(
         reference_value.id,
         reference_value.level,
@@ -305,11 +308,11 @@ def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
         value[0],
         note,
         needs,
-        off,
+        as_input_change,
     )
 
 
-def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
+def _is_nearest_double(answer: Decimal, truth: Decimal) -> bool:
     """Return True if an answer is the double nearest to the truth, written with 16 or 17 digits.
 
     The seventeenth digit of such a double may differ from the truth's.
