@@ -23,7 +23,7 @@ from tests.conformance.mistakes import (
 )
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnose
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
-from tippedisk_verify.conformance.diagnosis.terms import Values, parse_sum, sum_text
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues, parse_sum, sum_text
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import field
@@ -195,11 +195,11 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
 
 @pytest.mark.parametrize("definitions", [LINEAR, SMOOTH], ids=["linear", "smooth"])
 def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object, ...]]) -> None:
-    at = Values(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
+    at = EquationValues(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
     for name in ("beta", "gamma", "v"):
         step = 1e-5
         sides = [
-            Values(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
+            EquationValues(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
             for sign in (1, -1)
         ]  # type: ignore[arg-type]
         slope = (sides[0]["v_rate"] - sides[1]["v_rate"]) / (2 * step)

@@ -19,16 +19,16 @@ import numpy as np
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
 from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
 from tippedisk_verify.conformance.diagnosis.quantities import (
-    PREDICTED,
-    VARIANTS,
+    MISTAKEN_PREDICTIONS,
+    PREDICTIONS,
     Results,
-    base_values,
-    problems,
+    regression_problems,
+    values_at_entries,
 )
 from tippedisk_verify.conformance.diagnosis.regression import (
     RegressionProblem,
     Search,
-    likelihood,
+    likelihood_sort_key,
     with_changes,
 )
 from tippedisk_verify.conformance.diagnosis.relations import (
@@ -38,31 +38,29 @@ from tippedisk_verify.conformance.diagnosis.relations import (
 )
 from tippedisk_verify.conformance.diagnosis.step_methods import recognise_step_method
 from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table
-from tippedisk_verify.conformance.diagnosis.terms import Values
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.reference_values.store import Store
 
 __all__ = ["LevelwiseDiagnosis"]
 
-_BUDGET = 25_000  # changes that may be evaluated for a sheet, which takes about two seconds
+# Changes that may be evaluated for a sheet, which takes about two seconds
+_MAX_CHANGES_EVALUATED = 25_000
 # A quantity only lacks its last digits if the median and the maximum of its relative errors are
 # below the first two numbers, and the share of its answers that fail is above the third.
 _LOST_MEDIAN, _LOST_MOST, _LOST_SHARE = 1e-5, 1e-2, 0.3
-_EXACT = 1e-15  # relative error up to which no digit is lost
+_FULL_PRECISION = 1e-15  # relative error up to which no digit is lost
 # The factor on the allowed error of a program on the slow manifold. It differentiates five times,
 # and the right equations alone use up half of the allowed error.
-_SAFETY = 10.0
-_MAX_EQUIVALENT_CHANGES = (
-    12  # changes with the same effect on one quantity that are tried on the other quantities
-)
+_SLOW_MANIFOLD_FACTOR = 10.0
+# Changes with the same effect on one quantity that are tried on the other quantities
+_MAX_EQUIVALENT_CHANGES = 12
 _ROUNDING_TOLERANCE = 1e-9  # relative difference of values that are equal but for rounding
 _MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _LAST_FORMULA_LEVEL = 5  # the last level without an integrator
-_LAWS = ("both", "linear", "smooth")
-_ALL_OR_NOTHING_KINDS = (
-    "equilibrium",
-    "slow-manifold",
-)  # kinds explained completely, or not at all
+_LAW_ORDER = ("both", "linear", "smooth")
+# Kinds that are explained completely, or not at all
+_ALL_OR_NOTHING_KINDS = ("equilibrium", "slow-manifold")
 PosedProblems = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
 ChangesByLaw = dict[Change, frozenset[str]]
@@ -84,10 +82,12 @@ class LevelwiseDiagnosis:
     def __init__(
         self, tables: Sequence[Table], store: Store, advance: Callable[[str, int], None]
     ) -> None:
-        self.tables = sorted(tables, key=lambda table: (table.level, _LAWS.index(table.friction)))
+        self.tables = sorted(
+            tables, key=lambda table: (table.level, _LAW_ORDER.index(table.friction))
+        )
         levels = {table.level for table in tables}
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
-        self.advance, self.search = advance, Search(_BUDGET)
+        self.advance, self.search = advance, Search(_MAX_CHANGES_EVALUATED)
         self.changes: ChangesByLaw = {}
         self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
 
@@ -134,7 +134,7 @@ class LevelwiseDiagnosis:
             unexplained=_count_unexplained(tables),
             not_finite=len(failed) - wrong,
             unexplained_where="; ".join(
-                condition_phrase(table, base_values(LINEAR, table)["gamma_y"])
+                condition_phrase(table, values_at_entries(LINEAR, table)["gamma_y"])
                 for table in tables
                 if table.unexplained.any()
             ),
@@ -185,7 +185,7 @@ class LevelwiseDiagnosis:
                 table.unexplained[:] = left
 
     # ---- programs with changes
-    def candidates(self, law: str) -> list[list[Change]]:
+    def known_change_sets(self, law: str) -> list[list[Change]]:
         """Return the sets of known mistakes (changes of the equations) that a program may have
         under a friction law, as lists.
 
@@ -197,7 +197,7 @@ class LevelwiseDiagnosis:
 
     def program(
         self, law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
-    ) -> Values:
+    ) -> EquationValues:
         """Return the equations of a program with mistakes, ready for evaluation.
 
         They are the right equations under a friction law, in which some changes have been made.
@@ -208,7 +208,7 @@ class LevelwiseDiagnosis:
             inputs: Values by name, each in place of the definition of that name.
         """
         return with_changes(
-            Values(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})),
+            EquationValues(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})),
             change_set,
         )
 
@@ -217,7 +217,7 @@ class LevelwiseDiagnosis:
         self,
         table: Table,
         change_set: Iterable[Change],
-        function: Callable[[Values], Results] | None = None,
+        function: Callable[[EquationValues], Results] | None = None,
     ) -> Array:
         """Return the answers that a program with some mistakes would give to a table's questions.
 
@@ -229,8 +229,8 @@ class LevelwiseDiagnosis:
             function: A function from the program's values to the quantities; by default the right
                 formulas.
         """
-        values = base_values(self.program(table.friction, change_set).definitions, table)
-        return table.matched_values((function or PREDICTED[table.kind][0])(values))
+        values = values_at_entries(self.program(table.friction, change_set).definitions, table)
+        return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
 
     def find_consequences(self, tables: Sequence[Table]) -> None:
         """Mark as explained the wrong answers in tables that follow from the mistakes known so far.
@@ -238,14 +238,14 @@ class LevelwiseDiagnosis:
         A quantity is marked if a program with the mistakes gives all of its unexplained answers.
         """
         for table in tables if self.changes else ():
-            room = table.allowed * (_SAFETY if table.kind == "slow-manifold" else 1.0)
+            room = table.allowed * (_SLOW_MANIFOLD_FACTOR if table.kind == "slow-manifold" else 1.0)
             for some, function in product(
-                self.candidates(table.friction), PREDICTED.get(table.kind, ())
+                self.known_change_sets(table.friction), PREDICTIONS.get(table.kind, ())
             ):
                 if table.unexplained.any():
-                    fits = table.fitted(self.predicted(table, some, function), room)
-                    for stem in np.unique(table.quantity_names[table.unexplained]):
-                        mine = table.unexplained & (table.quantity_names == stem)
+                    fits = table.agrees_with(self.predicted(table, some, function), room)
+                    for quantity in np.unique(table.quantity_names[table.unexplained]):
+                        mine = table.unexplained & (table.quantity_names == quantity)
                         table.unexplained[mine] = not fits[mine].all()
 
     # ---- changes of the equations
@@ -283,12 +283,13 @@ class LevelwiseDiagnosis:
         """
         found = []
         for table in tables:
-            if table.kind in PREDICTED:
-                known = self.candidates(table.friction)[0] if table.level > 1 else ()
+            if table.kind in PREDICTIONS:
+                known = self.known_change_sets(table.friction)[0] if table.level > 1 else ()
                 found += [
                     (table, one)
-                    for one in problems(
-                        table, base_values(self.program(table.friction, known).definitions, table)
+                    for one in regression_problems(
+                        table,
+                        values_at_entries(self.program(table.friction, known).definitions, table),
                     )
                 ]
         return found
@@ -313,11 +314,14 @@ class LevelwiseDiagnosis:
         posed = (
             [] if alone else [pair for pair in posed if not pair[1].name.startswith(EXPLAINED_LAST)]
         )
-        own, *others = self.candidates(law)
-        readings = [(own, self.changes), *self.alternatives(law, problem, posed)]
+        own, *others = self.known_change_sets(law)
+        readings = [(own, self.changes), *self.equivalent_choices(law, problem, posed)]
         readings += [(some, self.changes) for some in others if some or table.level > 1]
         programs = [
-            (self.program(law, some, problem.inputs), self.behind_right_answers(law, some, posed))
+            (
+                self.program(law, some, problem.inputs),
+                self.names_behind_given_answers(law, some, posed),
+            )
             for some, _ in readings
         ]
         efforts = 4 if table.level == 1 and not derivative else 2
@@ -325,7 +329,7 @@ class LevelwiseDiagnosis:
         sets = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, efforts)
         if not sets:
             return False
-        index, new = min(sets, key=lambda one: likelihood((*readings[one[0]][0], *one[1])))
+        index, new = min(sets, key=lambda one: likelihood_sort_key((*readings[one[0]][0], *one[1])))
         some, self.changes = readings[index]
         if derivative and new:
             sentence = " and ".join(change.sentence for change in new)
@@ -336,7 +340,7 @@ class LevelwiseDiagnosis:
             self.changes[change] = self.changes.get(change, frozenset()) | {law}
         return True
 
-    def behind_right_answers(
+    def names_behind_given_answers(
         self, law: str, change_set: Sequence[Change], posed: PosedProblems
     ) -> frozenset[str]:
         """Return the names of the definitions that need no change: those from which a program with
@@ -355,7 +359,7 @@ class LevelwiseDiagnosis:
         return names
 
     @np.errstate(all="ignore")
-    def alternatives(
+    def equivalent_choices(
         self, law: str, problem: RegressionProblem, posed: PosedProblems
     ) -> list[CandidateChanges]:
         """Return other choices of the known mistakes that explain the same answers.
@@ -372,14 +376,14 @@ class LevelwiseDiagnosis:
         Returns:
             The choices, each as the changes under the law and all changes by their laws.
         """
-        own = self.candidates(law)[0]
+        own = self.known_change_sets(law)[0]
         explained = [pair for pair in posed if self.fits(self.changes, *pair)]
         effects = [self.program(law, own, problem.inputs)[problem.definition]]
         found = []
         for change in own if posed else ():
-            for other in change.others[:_MAX_EQUIVALENT_CHANGES]:
-                rest = tuple(one for one in (change, *change.others) if one != other)
-                new = {change: replace(other, others=rest)}
+            for other in change.equivalent[:_MAX_EQUIVALENT_CHANGES]:
+                rest = tuple(one for one in (change, *change.equivalent) if one != other)
+                new = {change: replace(other, equivalent=rest)}
                 changes = {new.get(one, one): laws for one, laws in self.changes.items()}
                 some = _changes_under_law(changes, law)
                 effect = self.program(law, some, problem.inputs)[problem.definition]
@@ -418,17 +422,17 @@ class LevelwiseDiagnosis:
             expected = self.expected(table)
             size = np.abs(table.answer - expected) / np.maximum(np.abs(expected), table.scale)
             law = f" ({table.friction} law)" if table.friction != "both" else ""
-            for stem in np.unique(table.quantity_names[table.unexplained]):
-                mine = table.quantity_names == stem
+            for quantity in np.unique(table.quantity_names[table.unexplained]):
+                mine = table.quantity_names == quantity
                 middle, share = float(np.median(size[mine])), table.unexplained[mine].mean()
-                loses = _EXACT < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
+                loses = _FULL_PRECISION < middle < _LOST_MEDIAN and size[mine].max() < _LOST_MOST
                 if loses and share > _LOST_SHARE:
                     why = (
                         "the digits that difference quotients leave"
-                        if stem.startswith("dv")
+                        if quantity.startswith("dv")
                         else "too few"
                     )
-                    lost.setdefault((int(-np.log10(middle)), why), []).append(f"{stem}{law}")
+                    lost.setdefault((int(-np.log10(middle)), why), []).append(f"{quantity}{law}")
                     table.unexplained[mine] = False
         for (digits, why), names in sorted(lost.items()):
             self.causes.append(
@@ -440,7 +444,7 @@ class LevelwiseDiagnosis:
 
         Where these mistakes predict no value, the truth is returned.
         """
-        predicted = self.predicted(table, self.candidates(table.friction)[0])
+        predicted = self.predicted(table, self.known_change_sets(table.friction)[0])
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def find_relations(self, tables: Sequence[Table], reconstructed: bool = False) -> None:
@@ -456,7 +460,9 @@ class LevelwiseDiagnosis:
         """
         groups: dict[str, list[Relation]] = {}
         some = [table for table in tables if table.unexplained.any()]
-        changes = [self.candidates(table.friction)[0] if reconstructed else () for table in some]
+        changes = [
+            self.known_change_sets(table.friction)[0] if reconstructed else () for table in some
+        ]
         if reconstructed:
             some = [replace(table, truth=self.expected(table)) for table in some]
         truths = dict(self.truths)
@@ -465,12 +471,14 @@ class LevelwiseDiagnosis:
         for table, known in zip(some, changes, strict=True):
             variants = {
                 sentence: self.predicted(table, known, function)
-                for sentence, function in VARIANTS.get(table.kind, {}).items()
+                for sentence, function in MISTAKEN_PREDICTIONS.get(table.kind, {}).items()
             }
             for relation in relations_of(table, truths, variants):
                 groups.setdefault(relation.sentence, []).append(relation)
         total = {
-            (table.friction, stem) for table in tables for stem in np.unique(table.quantity_names)
+            (table.friction, quantity)
+            for table in tables
+            for quantity in np.unique(table.quantity_names)
         }
         for group in sorted(
             groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))

@@ -248,7 +248,10 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
     for name in np.unique(table.quantity_names).tolist():
         found[name] = _right_values(
             truths,
-            [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names],
+            [
+                id_.removesuffix(full) + name + full.removeprefix(quantity)
+                for id_, quantity, full in names
+            ],
         )
     for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
@@ -317,7 +320,7 @@ def relations_of(
     others = ((1, sentence, predicted) for sentence, predicted in variants.items())
     for rank, sentence, predicted in chain(others, _predictions(table, truths)):
         known = np.isfinite(predicted)
-        fits = table.fitted(predicted) & known
+        fits = table.agrees_with(predicted) & known
         mine, against = fits & table.unexplained, known & ~fits
         distance = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
         digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / distance), 0.0)
