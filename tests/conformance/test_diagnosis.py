@@ -20,6 +20,7 @@ from tests.conformance.mistakes import (
     grades_of,
     patched,
     planted,
+    rows,
 )
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnose
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
@@ -85,6 +86,27 @@ def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> Non
     assert sum(len(one.named) == len(one.names) for one in found) >= 0.85 * len(found)
     assert sum(bool(one.named) for one in found) >= 0.95 * len(found)
     assert sum(bool(one.false) for one in found) <= max(1, 0.02 * len(found))
+
+
+@pytest.mark.parametrize("names", [("Bbar-plus", "inertia-exchanged"), ("h2-B", "h2-sine")])
+def test_mistakes_whose_effects_multiply_are_both_named(names: tuple[str, str]) -> None:
+    found = planted(names)
+    assert found is not None
+    assert found.named == set(names)
+    assert found.false == ()
+
+
+def test_a_relation_to_the_values_of_a_program_with_mistakes_is_named(store: Store) -> None:
+    kind = KINDS["Bbar-B"]
+    program = patched([(kind.old, kind.new)])
+    assert program is not None
+    answers = {
+        id_: float(text) / (2 * math.pi if "/equilibrium/" in id_ else 1)
+        for id_, text in program["answered"](rows(range(1, 3))).items()
+    }
+    level_1, level_2 = _diagnosed({id_: repr(x) for id_, x in answers.items()}, store)
+    assert [says for _, says in level_1.causes] == ["Bbar = B, not B - m e^2"]
+    assert [says for _, says in level_2.causes] == ["all answers have the factor 1/(2 pi)"]
 
 
 #: The level at which a mistake shows, by the first word of its name.
