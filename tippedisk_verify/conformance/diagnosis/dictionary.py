@@ -261,15 +261,15 @@ _NORMAL_FORM_INPUTS = [f"{name}_{part}" for name in _NORMAL_FORM_PARTS for part 
 #: Changes of the inputs, by the sentence about them: the new definition of each input.
 INPUTS: dict[str, dict[str, str]] = {
     "the adjoint eigenvector p is not scaled to p q = 1": {
-        name: f"given(bare_{name})" for name in _NORMAL_FORM_INPUTS
+        name: f"given(unit_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = "
-    "1": {name: f"given(raw_{name})" for name in _NORMAL_FORM_INPUTS},
+    "1": {name: f"given(unscaled_{name})" for name in _NORMAL_FORM_INPUTS},
     "the adjoint eigenvector is scaled by the conjugate of p q": {
-        name: f"given(turned_{name})" for name in _NORMAL_FORM_INPUTS
+        name: f"given(conjugate_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "the eigenvector q in place of the adjoint one": {
-        name: f"given(right_{name})" for name in _NORMAL_FORM_INPUTS
+        name: f"given(eigenvector_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "A and B exchanged": {"A": "given(B)", "B": "given(A)"},
     "r and e exchanged": {"r": "given(e)", "e": "given(r)"},
@@ -432,7 +432,7 @@ def changes(values: EquationValues, names: Iterable[str]) -> list[Change]:
         names: The names of the definitions and inputs that may be changed.
     """
     names = frozenset(names)
-    found: dict[tuple[Substitution, ...], Change] = {}
+    unique: dict[tuple[Substitution, ...], Change] = {}
     for change in (
         *(change for name in sorted(names) for change in _definition_changes(name, values)),
         *(
@@ -444,8 +444,8 @@ def changes(values: EquationValues, names: Iterable[str]) -> list[Change]:
         new = {x for *_, terms in change.substitutions for term in terms for x, _ in term.factors}
         changed = {name for name, *_ in change.substitutions}
         if not any(changed & values.inputs_of(factor) for factor in new):
-            found.setdefault(change.substitutions, change)
-    return list(found.values())
+            unique.setdefault(change.substitutions, change)
+    return list(unique.values())
 
 
 def _input_change(sentence: str, new_definitions: Mapping[str, str]) -> Change:

@@ -8,20 +8,19 @@ step explains is marked in the tables.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import product
-from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change
+from tippedisk_verify.conformance.diagnosis.dictionary import Change
 from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
 from tippedisk_verify.conformance.diagnosis.quantities import (
     MISTAKEN_PREDICTIONS,
     PREDICTIONS,
-    Results,
+    predicted_answers,
     regression_problems,
     values_at_entries,
 )
@@ -29,16 +28,16 @@ from tippedisk_verify.conformance.diagnosis.regression import (
     RegressionProblem,
     Search,
     likelihood_sort_key,
-    with_changes,
+    program_with_changes,
 )
 from tippedisk_verify.conformance.diagnosis.relations import (
     Relation,
     condition_phrase,
+    relation_sentence,
     relations_of,
 )
 from tippedisk_verify.conformance.diagnosis.step_methods import recognise_step_method
 from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array, Table
-from tippedisk_verify.conformance.diagnosis.terms import EquationValues
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.reference_values.store import Store
 
@@ -56,7 +55,6 @@ _SLOW_MANIFOLD_FACTOR = 10.0
 # Changes with the same effect on one quantity that are tried on the other quantities
 _MAX_EQUIVALENT_CHANGES = 12
 _ROUNDING_TOLERANCE = 1e-9  # relative difference of values that are equal but for rounding
-_MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _LAST_FORMULA_LEVEL = 5  # the last level without an integrator
 _LAW_ORDER = ("both", "linear", "smooth")
 # Kinds that are explained completely, or not at all
@@ -65,7 +63,7 @@ PosedProblems = Sequence[tuple[Table, RegressionProblem]]
 #: Changes of the equations, each with the friction laws that have it
 ChangesByLaw = dict[Change, frozenset[str]]
 #: The changes under one friction law, and all changes from which they were taken
-CandidateChanges = tuple[list[Change], ChangesByLaw]
+ChangeChoice = tuple[list[Change], ChangesByLaw]
 
 
 class LevelwiseDiagnosis:
@@ -134,7 +132,7 @@ class LevelwiseDiagnosis:
             unexplained=_count_unexplained(tables),
             not_finite=len(failed) - wrong,
             unexplained_where="; ".join(
-                condition_phrase(table, values_at_entries(LINEAR, table)["gamma_y"])
+                condition_phrase(table, values_at_entries(table)["gamma_y"])
                 for table in tables
                 if table.unexplained.any()
             ),
@@ -152,9 +150,9 @@ class LevelwiseDiagnosis:
             tables: The tables of the level.
         """
         searched_together = [tables] if tables and tables[0].level == 1 else [[t] for t in tables]
-        for some in searched_together:
-            with self.all_or_nothing(some):
-                self.search_equations(some)
+        for group in searched_together:
+            with self.all_or_nothing(group):
+                self.search_equations(group)
         for reconstructed in (False, True) if self.changes else (False,):
             with self.all_or_nothing(tables):
                 self.find_relations(tables, reconstructed)
@@ -192,45 +190,12 @@ class LevelwiseDiagnosis:
         They are the changes known under this law, all known changes, and none, in this order. Equal
         lists occur once.
         """
-        some = [_changes_under_law(self.changes, law), list(self.changes), []]
-        return [one for n, one in enumerate(some) if one not in some[:n]]
+        sets = [self.known_changes(law), list(self.changes), []]
+        return [one for n, one in enumerate(sets) if one not in sets[:n]]
 
-    def program(
-        self, law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
-    ) -> EquationValues:
-        """Return the equations of a program with mistakes, ready for evaluation.
-
-        They are the right equations under a friction law, in which some changes have been made.
-
-        Args:
-            law: The friction law; the linear law unless it is "smooth".
-            change_set: The changes.
-            inputs: Values by name, each in place of the definition of that name.
-        """
-        return with_changes(
-            EquationValues(SMOOTH if law == "smooth" else LINEAR, {}).with_inputs(**(inputs or {})),
-            change_set,
-        )
-
-    @np.errstate(all="ignore")
-    def predicted(
-        self,
-        table: Table,
-        change_set: Iterable[Change],
-        function: Callable[[EquationValues], Results] | None = None,
-    ) -> Array:
-        """Return the answers that a program with some mistakes would give to a table's questions.
-
-        They are NaN where the program computes no value.
-
-        Args:
-            table: The table, with the inputs of its entries.
-            change_set: The changes of the equations that the program has.
-            function: A function from the program's values to the quantities; by default the right
-                formulas.
-        """
-        values = values_at_entries(self.program(table.friction, change_set).definitions, table)
-        return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
+    def known_changes(self, law: str) -> list[Change]:
+        """Return the known mistakes under a friction law, as changes of the equations."""
+        return _changes_under_law(self.changes, law)
 
     def find_consequences(self, tables: Sequence[Table]) -> None:
         """Mark as explained the wrong answers in tables that follow from the mistakes known so far.
@@ -238,12 +203,16 @@ class LevelwiseDiagnosis:
         A quantity is marked if a program with the mistakes gives all of its unexplained answers.
         """
         for table in tables if self.changes else ():
-            room = table.allowed * (_SLOW_MANIFOLD_FACTOR if table.kind == "slow-manifold" else 1.0)
-            for some, function in product(
+            tolerance = table.allowed * (
+                _SLOW_MANIFOLD_FACTOR if table.kind == "slow-manifold" else 1.0
+            )
+            for change_set, function in product(
                 self.known_change_sets(table.friction), PREDICTIONS.get(table.kind, ())
             ):
                 if table.unexplained.any():
-                    fits = table.agrees_with(self.predicted(table, some, function), room)
+                    fits = table.agrees_with(
+                        predicted_answers(table, change_set, function), tolerance
+                    )
                     for quantity in np.unique(table.quantity_names[table.unexplained]):
                         mine = table.unexplained & (table.quantity_names == quantity)
                         table.unexplained[mine] = not fits[mine].all()
@@ -262,12 +231,12 @@ class LevelwiseDiagnosis:
         for n in range(len(posed)):
             table, problem = posed[n]
             mine = table.unexplained & (table.names == problem.name)
-            inverse = (
+            is_inverse = (
                 problem.name not in table.names
                 and table.unexplained.any()
                 and problem.unexplained.any()
             )
-            if mine.any() or inverse:
+            if mine.any() or is_inverse:
                 self.advance(f"level {table.level}, {problem.name}", 1)
                 table.unexplained[mine] = not self.adopt_changes(table, problem, posed)
                 if table.kind == "slow-manifold":  # each order is computed from the lower ones
@@ -281,18 +250,12 @@ class LevelwiseDiagnosis:
         A problem uses the known changes of the table's friction law, except at level 1, where it
         uses none.
         """
-        found = []
+        pairs = []
         for table in tables:
             if table.kind in PREDICTIONS:
-                known = self.known_change_sets(table.friction)[0] if table.level > 1 else ()
-                found += [
-                    (table, one)
-                    for one in regression_problems(
-                        table,
-                        values_at_entries(self.program(table.friction, known).definitions, table),
-                    )
-                ]
-        return found
+                known = self.known_changes(table.friction) if table.level > 1 else ()
+                pairs += [(table, problem) for problem in regression_problems(table, known)]
+        return pairs
 
     def adopt_changes(self, table: Table, problem: RegressionProblem, posed: PosedProblems) -> bool:
         """Find the fewest mistakes in the equations that give the answers to a quantity, and keep
@@ -309,34 +272,35 @@ class LevelwiseDiagnosis:
         Returns:
             True if there are such changes.
         """
-        law, derivative = table.friction, problem.name.startswith("dv")
-        alone = derivative or table.kind == "slow-manifold"  # orders share their definitions
-        posed = (
-            [] if alone else [pair for pair in posed if not pair[1].name.startswith(EXPLAINED_LAST)]
-        )
-        own, *others = self.known_change_sets(law)
-        readings = [(own, self.changes), *self.equivalent_choices(law, problem, posed)]
-        readings += [(some, self.changes) for some in others if some or table.level > 1]
+        law, is_derivative = table.friction, problem.name.startswith("dv")
+        if is_derivative or table.kind == "slow-manifold":  # orders share their definitions
+            posed = []
+        posed = [pair for pair in posed if not pair[1].name.startswith(EXPLAINED_LAST)]
+        known, *other_sets = self.known_change_sets(law)
+        choices = [(known, self.changes), *self.equivalent_choices(law, problem, posed)]
+        choices += [(others, self.changes) for others in other_sets if others or table.level > 1]
         programs = [
             (
-                self.program(law, some, problem.inputs),
-                self.names_behind_given_answers(law, some, posed),
+                program_with_changes(law, change_set, problem.inputs),
+                self.names_behind_given_answers(law, change_set, posed),
             )
-            for some, _ in readings
+            for change_set, _ in choices
         ]
-        efforts = 4 if table.level == 1 and not derivative else 2
+        max_effort = 4 if table.level == 1 and not is_derivative else 2
         fitting = [n for n, (program, _) in enumerate(programs) if problem.fits(program)]
-        sets = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, efforts)
-        if not sets:
+        found = [(n, ()) for n in fitting[:1]] or self.search(problem, programs, max_effort)
+        if not found:
             return False
-        index, new = min(sets, key=lambda one: likelihood_sort_key((*readings[one[0]][0], *one[1])))
-        some, self.changes = readings[index]
-        if derivative and new:
+        index, new = min(
+            found, key=lambda pair: likelihood_sort_key((*choices[pair[0]][0], *pair[1]))
+        )
+        known, self.changes = choices[index]
+        if is_derivative and new:
             sentence = " and ".join(change.sentence for change in new)
             sentence = f"{problem.name} is the derivative of other equations: {sentence}"
             self.causes.append(("equations", sentence))
             return True
-        for change in (*some, *new):
+        for change in (*known, *new):
             self.changes[change] = self.changes.get(change, frozenset()) | {law}
         return True
 
@@ -353,7 +317,7 @@ class LevelwiseDiagnosis:
         """
         names = frozenset[str]()
         for table, problem in posed:
-            program = self.program(law, change_set, problem.inputs)
+            program = program_with_changes(law, change_set, problem.inputs)
             if table.friction in ("both", law) and problem.fits(program):
                 names |= program.inputs_of(problem.definition)
         return names
@@ -361,7 +325,7 @@ class LevelwiseDiagnosis:
     @np.errstate(all="ignore")
     def equivalent_choices(
         self, law: str, problem: RegressionProblem, posed: PosedProblems
-    ) -> list[CandidateChanges]:
+    ) -> list[ChangeChoice]:
         """Return other choices of the known mistakes that explain the same answers.
 
         In each choice, one known change is replaced by a change that had the same effect on the
@@ -376,36 +340,25 @@ class LevelwiseDiagnosis:
         Returns:
             The choices, each as the changes under the law and all changes by their laws.
         """
-        own = self.known_change_sets(law)[0]
-        explained = [pair for pair in posed if self.fits(self.changes, *pair)]
-        effects = [self.program(law, own, problem.inputs)[problem.definition]]
-        found = []
-        for change in own if posed else ():
+        known = self.known_changes(law)
+        explained = [pair for pair in posed if _fits(self.changes, *pair)]
+        values = [program_with_changes(law, known, problem.inputs)[problem.definition]]
+        choices = []
+        for change in known if posed else ():
             for other in change.equivalent[:_MAX_EQUIVALENT_CHANGES]:
                 rest = tuple(one for one in (change, *change.equivalent) if one != other)
-                new = {change: replace(other, equivalent=rest)}
-                changes = {new.get(one, one): laws for one, laws in self.changes.items()}
-                some = _changes_under_law(changes, law)
-                effect = self.program(law, some, problem.inputs)[problem.definition]
-                known = any(
-                    np.allclose(effect, one, rtol=_ROUNDING_TOLERANCE, atol=0) for one in effects
+                replaced = {change: replace(other, equivalent=rest)}
+                changes = {replaced.get(one, one): laws for one, laws in self.changes.items()}
+                change_set = _changes_under_law(changes, law)
+                value = program_with_changes(law, change_set, problem.inputs)[problem.definition]
+                is_new = not any(
+                    np.allclose(value, earlier, rtol=_ROUNDING_TOLERANCE, atol=0)
+                    for earlier in values
                 )
-                if not known and all(self.fits(changes, *pair) for pair in explained):
-                    effects.append(effect)
-                    found.append((some, changes))
-        return found
-
-    def fits(self, changes: ChangesByLaw, table: Table, problem: RegressionProblem) -> bool:
-        """Return True if a program with some mistakes gives all answers to a quantity.
-
-        Args:
-            changes: The changes of the equations by their friction laws. Those of the table's law
-                are used.
-            table: The table with the quantity.
-            problem: The answers to the quantity, and its definition.
-        """
-        law = table.friction
-        return problem.fits(self.program(law, _changes_under_law(changes, law), problem.inputs))
+                if is_new and all(_fits(changes, *pair) for pair in explained):
+                    values.append(value)
+                    choices.append((change_set, changes))
+        return choices
 
     # ---- digits and relations
     def find_lost_digits(self, tables: Sequence[Table]) -> None:
@@ -444,7 +397,7 @@ class LevelwiseDiagnosis:
 
         Where these mistakes predict no value, the truth is returned.
         """
-        predicted = self.predicted(table, self.known_change_sets(table.friction)[0])
+        predicted = predicted_answers(table, self.known_changes(table.friction))
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
     def find_relations(self, tables: Sequence[Table], reconstructed: bool = False) -> None:
@@ -455,48 +408,53 @@ class LevelwiseDiagnosis:
 
         Args:
             tables: The tables of a level.
-            reconstructed: True to take the values that follow from the mistakes found so far for the right
-                ones.
+            reconstructed: True to take the values that follow from the mistakes found so far for
+                the right ones.
         """
         groups: dict[str, list[Relation]] = {}
-        some = [table for table in tables if table.unexplained.any()]
+        wrong_tables = [table for table in tables if table.unexplained.any()]
         changes = [
-            self.known_change_sets(table.friction)[0] if reconstructed else () for table in some
+            self.known_changes(table.friction) if reconstructed else () for table in wrong_tables
         ]
         if reconstructed:
-            some = [replace(table, truth=self.expected(table)) for table in some]
+            wrong_tables = [replace(table, truth=self.expected(table)) for table in wrong_tables]
         truths = dict(self.truths)
-        for table in some:
+        for table in wrong_tables:
             truths.update(zip(table.ids, table.truth.tolist(), strict=True))
-        for table, known in zip(some, changes, strict=True):
+        for table, known in zip(wrong_tables, changes, strict=True):
             variants = {
-                sentence: self.predicted(table, known, function)
+                sentence: predicted_answers(table, known, function)
                 for sentence, function in MISTAKEN_PREDICTIONS.get(table.kind, {}).items()
             }
             for relation in relations_of(table, truths, variants):
                 groups.setdefault(relation.sentence, []).append(relation)
-        total = {
+        all_quantities = {
             (table.friction, quantity)
             for table in tables
             for quantity in np.unique(table.quantity_names)
         }
         for group in sorted(
-            groups.values(), key=lambda some: (-len(some), min(one.rank for one in some))
+            groups.values(),
+            key=lambda group: (-len(group), min(relation.rank for relation in group)),
         ):
             sentence = group[0].sentence
-            new = [one for one in group if one.table.unexplained[one.answers].all()]
+            new = [
+                relation for relation in group if relation.table.unexplained[relation.answers].all()
+            ]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", sentence)):
                 continue  # one order alone proves nothing
             self.causes.append(
                 (
                     "relation",
-                    _relation_sentence(
-                        sentence, {(one.table.friction, one.quantity) for one in new}, total
+                    relation_sentence(
+                        sentence,
+                        {(relation.table.friction, relation.quantity) for relation in new},
+                        all_quantities,
                     ),
                 )
             )
-            for one in new:
-                one.table.unexplained[one.answers] = False
+            for relation in new:
+                relation.table.unexplained[relation.answers] = False
 
     def change_sentence(self, change: Change, tables: Sequence[Table]) -> str:
         """Return a sentence that describes a change of the equations, the likely mistake.
@@ -520,38 +478,19 @@ def _changes_under_law(changes: ChangesByLaw, law: str) -> list[Change]:
     return [change for change, laws in changes.items() if laws & {law, "both"}]
 
 
+def _fits(changes: ChangesByLaw, table: Table, problem: RegressionProblem) -> bool:
+    """Return True if a program with some mistakes gives all answers to a quantity.
+
+    Args:
+        changes: The changes of the equations by their friction laws. Those of the table's law
+            are used.
+        table: The table with the quantity.
+        problem: The answers to the quantity, and its definition.
+    """
+    law = table.friction
+    return problem.fits(program_with_changes(law, _changes_under_law(changes, law), problem.inputs))
+
+
 def _count_unexplained(tables: Iterable[Table]) -> int:
     """Return the number of wrong answers in tables that are unexplained."""
     return sum(int(table.unexplained.sum()) for table in tables)
-
-
-def _relation_sentence(
-    sentence: str, stems: set[tuple[str, str]], total: set[tuple[str, str]]
-) -> str:
-    """Return the sentence about a relation of wrong answers, with the names of their quantities put
-    in.
-
-    Args:
-        sentence: The sentence, with {q} in place of the quantity.
-        stems: The quantities of the relation, each as friction law and name.
-        total: All quantities of the level, in the same form.
-    """
-    names, laws = sorted({name for _, name in stems}), {law for law, _ in stems}
-    whole = stems == total and len(stems) >= _MIN_ALL_ANSWERS
-    text = (
-        "all answers"
-        if whole
-        else " and ".join([", ".join(names[:-1]), names[-1]])
-        if len(names) > 1
-        else names[0]
-    )
-    if len(names) > 1 or whole:
-        sentence = re.sub(
-            r"^\{q\} (is|has|counts)\b",
-            lambda verb: "{q} " + {"is": "are", "has": "have", "counts": "count"}[verb[1]],
-            sentence,
-        )
-    others = {(law, name) for law, name in total if name in names} - stems
-    return sentence.replace("{q}", text) + (
-        f", under the {min(laws)} law" if others and len(laws) == 1 else ""
-    )

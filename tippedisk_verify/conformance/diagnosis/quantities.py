@@ -8,13 +8,17 @@ counts as explained.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.regression import RegressionProblem
+from tippedisk_verify.conformance.diagnosis.dictionary import Change
+from tippedisk_verify.conformance.diagnosis.regression import (
+    RegressionProblem,
+    program_with_changes,
+)
 from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers, Table
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues
 from tippedisk_verify.model.equations import STATE_NAMES
@@ -23,6 +27,7 @@ __all__ = [
     "MISTAKEN_PREDICTIONS",
     "PREDICTIONS",
     "Results",
+    "predicted_answers",
     "regression_problems",
     "values_at_entries",
 ]
@@ -80,15 +85,15 @@ _CIRCLE_NODES, _CIRCLE_RADIUS = 16, 0.09
 _ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_CIRCLE_NODES) / _CIRCLE_NODES)
 
 
-def values_at_entries(definitions: Mapping[str, Any], table: Table) -> EquationValues:
+def values_at_entries(table: Table, change_set: Iterable[Change] = ()) -> EquationValues:
     """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
-        definitions: The definitions by name.
         table: The table. Its words for the equilibrium and the form become numbers.
+        change_set: The changes of the right equations that the program has.
     """
     return EquationValues(
-        definitions,
+        program_with_changes(table.friction, change_set).definitions,
         {
             **table.inputs,
             "side": np.where(table.inputs["equilibrium"] == "noninverted", -1.0, 1.0),
@@ -139,10 +144,10 @@ def _assemble_matrices(gamma_slope: Any, last_row: list[Any], values: EquationVa
         last_row: The derivatives of v' by beta, gamma and v.
         values: The definitions with the inputs of the entries.
     """
-    found = np.zeros((len(values["r"]), 3, 3))
-    found[:, 0, 2], found[:, 1, 0] = 1.0, gamma_slope
-    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = last_row
-    return found
+    matrices = np.zeros((len(values["r"]), 3, 3))
+    matrices[:, 0, 2], matrices[:, 1, 0] = 1.0, gamma_slope
+    matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = last_row
+    return matrices
 
 
 def _spectrum(
@@ -196,9 +201,9 @@ def hopf_inputs(values: EquationValues) -> dict[str, dict[str, Array]]:
         linearised_matrices(values, Omega=0.5 * speed),
     )
     by_speed = (faster - slower) / speed[:, None, None]  # exact: linear in the speed's square
-    found = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
+    inputs = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
     # The index of a component of the adjoint eigenvector, and the factor that it gets
-    parts = {
+    adjoint_terms = {
         "g_gamma": (1, cubic[0]),
         "g_v": (2, cubic[1]),
         "rate_21": (1, by_speed[:, 1, 0] * q[0]),
@@ -207,16 +212,16 @@ def hopf_inputs(values: EquationValues) -> dict[str, dict[str, Array]]:
     }
     adjoints = {
         "": normal / product,
-        "bare_": normal,
-        "raw_": p,
-        "turned_": normal / product.conj(),
-        "right_": q.conj(),
+        "unit_": normal,
+        "unscaled_": p,
+        "conjugate_": normal / product.conj(),
+        "eigenvector_": q.conj(),
     }
     for prefix, adjoint in adjoints.items():
-        for name, (row, factor) in parts.items():
-            found[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
-            found[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
-    return dict.fromkeys(_DEFINITIONS["hopf"], found)
+        for name, (row, factor) in adjoint_terms.items():
+            inputs[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
+            inputs[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
+    return dict.fromkeys(_DEFINITIONS["hopf"], inputs)
 
 
 def _cubic(values: EquationValues, speed: Array, q: Array) -> Array:
@@ -276,15 +281,15 @@ def slow_manifold_inputs(values: EquationValues) -> dict[str, dict[str, Any]]:
     base = values.with_inputs(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]
     base["recursion_parts"]  # computed once for all orders
-    found = {"residual_0": _truncated_series(values, h, radius)}
+    inputs = {"residual_0": _truncated_series(values, h, radius)}
     for n in _ORDERS[1:]:
         sums = _lower_order_sums(h, radius)
-        found[f"h_{n}"] = {key: _mean_on_circles(x) for key, x in sums.items()} | {"v": 1.0}
+        inputs[f"h_{n}"] = {key: _mean_on_circles(x) for key, x in sums.items()} | {"v": 1.0}
         h += [
             EquationValues(base.definitions, {**base.inputs, **sums}, dict(base.computed))["h_next"]
         ]
-        found[f"residual_{n}"] = _truncated_series(values, h, radius)
-    return found
+        inputs[f"residual_{n}"] = _truncated_series(values, h, radius)
+    return inputs
 
 
 def _lower_order_sums(h: list[Array], radius: Array) -> dict[str, Any]:
@@ -333,12 +338,12 @@ def _truncated_series(values: EquationValues, h: list[Array], radius: Array) -> 
         h: The orders so far, each by its values on circles about each state.
         radius: The radius of the circles [rad], one to an entry.
     """
-    found, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
+    sums, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
     for name, orders in zip(("v", "slope_beta", "slope_gamma"), (h, *slopes), strict=True):
         terms = [values["epsilon"] ** k * _mean_on_circles(one) for k, one in enumerate(orders)]
-        found[name], found[f"{name}_last"] = sum(terms), terms[-1]
-        found[f"{name}_before"] = sum(terms[:-1]) + 0 * values["epsilon"]
-    return found
+        sums[name], sums[f"{name}_last"] = sum(terms), terms[-1]
+        sums[f"{name}_before"] = sum(terms[:-1]) + 0 * values["epsilon"]
+    return sums
 
 
 # Functions that compute further inputs of the definitions by quantity, for some kinds
@@ -434,8 +439,28 @@ MISTAKEN_PREDICTIONS: dict[str, dict[str, Callable[[EquationValues], Results]]] 
 }
 
 
+@np.errstate(all="ignore")
+def predicted_answers(
+    table: Table,
+    change_set: Iterable[Change],
+    function: Callable[[EquationValues], Results] | None = None,
+) -> Array:
+    """Return the answers that a program with some mistakes would give to a table's questions.
+
+    They are NaN where the program computes no value.
+
+    Args:
+        table: The table, with the inputs of its entries.
+        change_set: The changes of the equations that the program has.
+        function: A function from the program's values to the quantities; by default the right
+            formulas.
+    """
+    values = values_at_entries(table, change_set)
+    return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
+
+
 # ---- the searches
-def regression_problems(table: Table, base: EquationValues) -> list[RegressionProblem]:
+def regression_problems(table: Table, change_set: Iterable[Change]) -> list[RegressionProblem]:
     """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
     A problem has the answers to one quantity and its definition. The problems are in the order of the
@@ -444,8 +469,9 @@ def regression_problems(table: Table, base: EquationValues) -> list[RegressionPr
 
     Args:
         table: The table.
-        base: The values of a program's definitions at the inputs of the table's entries.
+        change_set: The changes of the equations that the program is known to have.
     """
+    base = values_at_entries(table, change_set)
     base = base.with_inputs(
         **{
             definition: np.where(
@@ -456,25 +482,27 @@ def regression_problems(table: Table, base: EquationValues) -> list[RegressionPr
         }
     )
     parts = _FURTHER_INPUTS[table.kind](base) if table.kind in _FURTHER_INPUTS else {}
-    columns = _answered_matrix_entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
-    found = []
+    matrix_entries = (
+        _answered_matrix_entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
+    )
+    problems = []
     for name, definition in _DEFINITIONS[table.kind].items():
-        cells = columns.get(name) or table.column(name)
-        rows = np.flatnonzero(np.isfinite(cells.answer))
+        answers = matrix_entries.get(name) or table.column(name)
+        rows = np.flatnonzero(np.isfinite(answers.answer))
         inputs = {**base.inputs, **parts.get(name, {})}
-        found += [
+        problems += [
             RegressionProblem(
-                cells.answer[rows],
-                cells.truth[rows],
-                cells.allowed[rows],
-                cells.unexplained[rows],
+                answers.answer[rows],
+                answers.truth[rows],
+                answers.allowed[rows],
+                answers.unexplained[rows],
                 name,
                 definition,
                 _IDENTITIES.get(definition, f"answer - {definition}"),
                 {key: x[rows] if np.ndim(x) else x for key, x in inputs.items()},
             )
         ]
-    return [problem for problem in found if problem.answer.size]
+    return [problem for problem in problems if problem.answer.size]
 
 
 def _answered_matrix_entries(table: Table, omega: Array) -> dict[str, ComparedAnswers]:
@@ -488,19 +516,19 @@ def _answered_matrix_entries(table: Table, omega: Array) -> dict[str, ComparedAn
         omega: The speed of each entry.
     """
     cells = [[table.column(f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
-    near = sum(re.allowed + im.allowed for re, im in cells)
+    allowed_sum = sum(re.allowed + im.allowed for re, im in cells)
     answers, truths = (
         np.array([getattr(re, which) + 1j * getattr(im, which) for re, im in cells])
         for which in ("answer", "truth")
     )
     size = np.abs(truths).sum(axis=0)
-    right, found = _coefficients(truths, omega), dict[str, ComparedAnswers]()
+    right, entries = _coefficients(truths, omega), dict[str, ComparedAnswers]()
     for name, answer in _coefficients(answers, omega).items():
-        allowed = near * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
-        found[name] = ComparedAnswers(
+        allowed = allowed_sum * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
+        entries[name] = ComparedAnswers(
             answer, right[name], allowed, np.abs(answer - right[name]) > allowed
         )
-    return found
+    return entries
 
 
 def _coefficients(z: Array, omega: Array) -> dict[str, Array]:

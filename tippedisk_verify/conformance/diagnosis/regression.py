@@ -20,12 +20,12 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
+from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes
 from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term, parse_sum
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["RegressionProblem", "Search", "likelihood_sort_key", "with_changes"]
+__all__ = ["RegressionProblem", "Search", "likelihood_sort_key", "program_with_changes"]
 
 _SAMPLES = 40  # wrong answers on which changes are tried; all answers must confirm them
 _RIGHT_SAMPLES = 8  # right answers on which changes are tried
@@ -114,6 +114,22 @@ def with_changes(values: EquationValues, change_set: Iterable[Change]) -> Equati
     return values
 
 
+def program_with_changes(
+    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
+) -> EquationValues:
+    """Return the equations of a program with mistakes, ready for evaluation.
+
+    They are the right equations under a friction law, in which some changes have been made.
+
+    Args:
+        law: The friction law; the linear law unless it is "smooth".
+        change_set: The changes.
+        inputs: Values by name, each in place of the definition of that name.
+    """
+    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {})
+    return with_changes(right.with_inputs(**(inputs or {})), change_set)
+
+
 class Search:
     """The search for the fewest changes of the equations that give the wrong answers to a quantity.
 
@@ -131,7 +147,7 @@ class Search:
         self,
         problem: RegressionProblem,
         programs: Sequence[tuple[EquationValues, frozenset[str]]],
-        efforts: int,
+        max_effort: int,
     ) -> list[tuple[int, ChangeSet]]:
         """Return the smallest sets of changes that give all answers to a quantity.
 
@@ -139,33 +155,33 @@ class Search:
             problem: The answers to the quantity, and its definition.
             programs: Programs with the problem's inputs, the likeliest first. Each comes with the
                 names of the definitions behind right answers, which are not changed.
-            efforts: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
+            max_effort: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
                 multiply. A higher effort is made only if the lower ones find nothing.
 
         Returns:
-            Pairs of a program's index and a set, at most one to a program; [] if nothing is found.
+            Pairs of a program's index and a set, at most one to a program; [] if nothing is sets.
         """
         effects_by_program = [
             self.evaluate_effects(problem, program, unchanged_names)
             for program, unchanged_names in programs
             if self.remaining_changes > 0 and problem.max_changes > 0
         ]
-        for effort in range(1, efforts + 1):
-            found = [
+        for effort in range(1, max_effort + 1):
+            sets = [
                 (index, some)
                 for index, effects in enumerate(effects_by_program)
                 for some in islice(filter(effects.fits, self.proposed_sets(effects, effort)), 1)
             ]
-            if found:
-                return found
+            if sets:
+                return sets
         return []
 
     def evaluate_effects(
         self, problem: RegressionProblem, program: EquationValues, unchanged_names: frozenset[str]
     ) -> _Effects:
-        found = _Effects(problem, program, unchanged_names)
-        self.remaining_changes -= len(found.changes)
-        return found
+        effects = _Effects(problem, program, unchanged_names)
+        self.remaining_changes -= len(effects.changes)
+        return effects
 
     def proposed_sets(self, effects: _Effects, effort: int) -> Iterator[ChangeSet]:
         """Yield sets of changes that may give the wrong answers to a quantity: their effects cancel
@@ -269,12 +285,12 @@ class _Effects:
         target = -float(self.residual @ self.weights)
         groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
         missing_effect = target - weighted_effects[groups].sum(axis=1)
-        room = (
+        tolerance = (
             _ROUNDING_TOLERANCE * (abs(target) + np.abs(weighted_effects[groups]).sum(axis=1)) + 4.0
         )
         order = np.argsort(weighted_effects)
-        low = np.searchsorted(weighted_effects[order], missing_effect - room)
-        high = np.searchsorted(weighted_effects[order], missing_effect + room, side="right")
+        low = np.searchsorted(weighted_effects[order], missing_effect - tolerance)
+        high = np.searchsorted(weighted_effects[order], missing_effect + tolerance, side="right")
         if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
         sets: dict[tuple[int, ...], ChangeSet] = {}
@@ -294,12 +310,12 @@ class _Effects:
             members: The indices of the changes.
         """
         chosen = self.effects[list(members)]
-        room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
+        tolerance = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
         places = [
             substitution[:2] for n in members for substitution in self.changes[n].substitutions
         ]
-        left = np.abs(self.residual + chosen.sum(axis=0))
-        return len(set(places)) == len(places) and bool((left <= room).all())
+        remainder = np.abs(self.residual + chosen.sum(axis=0))
+        return len(set(places)) == len(places) and bool((remainder <= tolerance).all())
 
     def solved_parameters(self) -> Iterator[ChangeSet]:
         """Yield possible mistakes in the inputs: for each parameter, a wrong value that cancels the

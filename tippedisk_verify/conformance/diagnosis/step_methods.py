@@ -15,9 +15,8 @@ __all__ = ["recognise_step_method"]
 _MAX_TRAJECTORIES = 3  # trajectories that a method is tried on
 _MAX_UNEXPLAINED_SHARE = 0.02  # share of the errors that a method may leave unexplained
 _STEPS = sorted(factor * 10.0**-k for k in range(2, 6) for factor in (1, 1.25, 2, 2.5, 4, 5))  # s
-_MAX_STEP_SIZES = (
-    4  # steps that are tried, nearest to the step that the order of the method suggests
-)
+# Steps that are tried, nearest to the step that the order of the method suggests
+_MAX_STEP_SIZES = 4
 _REFERENCE_STEP = 2e-3  # s, from which errors are extrapolated; friction damps at about 130/s
 # Methods by name: the order, the share of the step at which each slope after the first is
 # evaluated, and the weights of the slopes.

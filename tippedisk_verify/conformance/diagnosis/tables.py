@@ -106,11 +106,11 @@ class Table(ComparedAnswers):
         Args:
             results: The computed values by the names of the quantities, one value to an entry.
         """
-        found = np.full(len(self.names), np.nan)
+        values_of_answers = np.full(len(self.names), np.nan)
         for name in np.unique(self.names):
             values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
-            found[self.names == name] = values[self.rows[self.names == name]]
-        return found
+            values_of_answers[self.names == name] = values[self.rows[self.names == name]]
+        return values_of_answers
 
     def column(self, name: str) -> ComparedAnswers:
         """Return the answers to one quantity, one element to an entry.
@@ -122,11 +122,11 @@ class Table(ComparedAnswers):
         """
         selected, arrays = self.names == name, []
         for array in (self.answer, self.truth, self.allowed, self.unexplained):
-            found = np.full(len(self.entries), np.nan)
-            found[self.rows[selected]] = array[selected]
-            arrays.append(found)
-        answer, truth, allowed, left = arrays
-        return ComparedAnswers(answer, truth, allowed, left > 0)
+            by_entry = np.full(len(self.entries), np.nan)
+            by_entry[self.rows[selected]] = array[selected]
+            arrays.append(by_entry)
+        answer, truth, allowed, unexplained = arrays
+        return ComparedAnswers(answer, truth, allowed, unexplained > 0)
 
 
 @arithmetic()

@@ -186,8 +186,8 @@ class EquationValues:
         """Return the terms of a definition by its name, or those of a sum in parentheses; () for
         other names.
         """
-        found = self.definitions.get(name, ())
-        return parse_sum(name[1:-1]) if name.startswith("(") and not found else found
+        terms = self.definitions.get(name, ())
+        return parse_sum(name[1:-1]) if name.startswith("(") and not terms else terms
 
     def total(self, terms: Terms) -> tuple[Any, frozenset[str]]:
         total: Any = np.float64(0.0)
