@@ -21,7 +21,7 @@ from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.exact import PI, Exact, fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.precision import Precision, precision_of_bits
-from tippedisk_verify.reference_values.questions import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 __all__ = [
@@ -54,7 +54,7 @@ def omega_h_for(case: Case) -> Fraction:
 
 # ----------------------------------------------------------------------------------- whole periods
 def _rotates(case: Case) -> bool:
-    return case.item.kind in ("rotating-cycle", "rotation-fold")
+    return case.entry.kind in ("rotating-cycle", "rotation-fold")
 
 
 class _Period:
@@ -64,7 +64,7 @@ class _Period:
     rotating one. `Disk` never starts a cycle there.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         precision: The working precision.
         omega: The speed [rad/s].
         free: The free angle minus pi/2 [rad], and v [rad/s], at the start.
@@ -98,7 +98,7 @@ class _Period:
         )
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
-            raise AccuracyError(f"{case.item.id}: {self.result.status.value}")
+            raise AccuracyError(f"{case.entry.id}: {self.result.status.value}")
         mpf, number, state = precision.mpf, precision.number, self.result.state
         #: Derivatives of (beta, gamma, v) at the end with respect to the start and Omega.
         self.rows = [[mpf(entry) for entry in row] for row in self.result.derivatives]
@@ -168,7 +168,7 @@ class _Period:
         return {name: fraction(number) for name, number in numbers.items()}
 
 
-def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
+def _claimed(numbers: dict[str, Fraction], values: MeasuredValues) -> MeasuredValues:
     """Return the numbers with half-widths that claim 35 digits, plus the half-widths of `values`.
 
     After the last Newton step only rounding is left.
@@ -179,7 +179,7 @@ def _claimed(numbers: dict[str, Fraction], values: Values) -> Values:
     }
 
 
-def whole_period(case: Case, values: Values) -> Values:
+def whole_period(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Solve for a cycle over a whole period, by two Newton steps of the bordered system.
 
     A librating cycle starts at beta = pi/2, a rotating one at gamma = -pi/2. The first step starts
@@ -187,12 +187,12 @@ def whole_period(case: Case, values: Values) -> Values:
     cycle's.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: The numbers to confirm.
     """
     # k for a speed 10^-k above Omega_h: each passage amplifies errors by about 10^k.
     zeros = 0
-    if case.item.kind == "near-heteroclinic":
+    if case.entry.kind == "near-heteroclinic":
         above = case.inputs["Omega"] - omega_h_for(case)
         zeros = len(str(above.denominator // above.numerator))
     precision = precision_of_bits(_BITS if _rotates(case) else 220 + 8 * zeros)
@@ -212,7 +212,7 @@ def whole_period(case: Case, values: Values) -> Values:
     return _claimed(results, values)
 
 
-def fold_from_the_bottom(case: Case, values: Values) -> Values:
+def fold_from_the_bottom(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Solve for the fold of the rotating cycles from gamma = -pi/2, with Omega free.
 
     At a fold 1 is a double eigenvalue of the monodromy matrix, so its trace is 2 plus the fast
@@ -220,7 +220,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
     arithmetic, start from the doubles nearest to `values`.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: The numbers to confirm.
     """
     names, precision = ("beta_bar_0", "v_0", "period", "omega"), precision_of_bits(_BITS)
@@ -263,7 +263,7 @@ def fold_from_the_bottom(case: Case, values: Values) -> Values:
 
 
 # ----------------------------------------------------------------------------------- other methods
-def balance(case: Case, values: Values) -> Values:
+def balance(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a librating cycle by harmonic balance.
 
     Returns {} for the smooth law and close to Omega_h.
@@ -275,7 +275,7 @@ def balance(case: Case, values: Values) -> Values:
     return {name: getattr(cycle, name) for name in ("period", "gamma_bar_0", "v_0", "beta_max")}
 
 
-def collocation(case: Case, values: Values) -> Values:
+def collocation(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a rotating cycle by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
@@ -287,20 +287,20 @@ def collocation(case: Case, values: Values) -> Values:
     return numbers | {"log_multiplier_slow": slow, "log_multiplier_fast": both - slow}
 
 
-def fold_by_collocation(case: Case, values: Values) -> Values:
+def fold_by_collocation(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the fold of the rotating cycles by collocation; returns {} for the smooth law."""
     if case.disk.friction != "linear":
         return {}
     return collocation_fold(case.disk, digits=_COLLOCATED_FOLD_DIGITS)
 
 
-def scipy(case: Case, values: Values) -> Values:
+def scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute a cycle by shooting with SciPy in double precision.
 
     The method claims nine digits; the data record its distance from the value.
     """
     point = shoot_known_cycle(case, values, ScipyEngine())
-    if case.item.kind == "rotating-cycle":
+    if case.entry.kind == "rotating-cycle":
         numbers = {
             "period": point.image.time,
             "beta_bar_top": point.point[0],
@@ -319,7 +319,7 @@ def scipy(case: Case, values: Values) -> Values:
     return {name: Measured.of(value, abs(value) * 1e-9 + 1e-12) for name, value in numbers.items()}
 
 
-def fold_by_scipy(case: Case, values: Values) -> Values:
+def fold_by_scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the fold of the rotating cycles with SciPy in double precision.
 
     The method claims seven digits; the data record its distance from the value.

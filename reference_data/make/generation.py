@@ -1,7 +1,7 @@
 """The making of the reference files, entry by entry, on several cores.
 
 An entry's answer is stored in ``.work`` in the output folder as soon as it is computed. Its name is
-a hash of the question and of the code that answers it, so that a later run of the same code can
+a hash of the entry and of the code that computes it, so that a later run of the same code can
 reuse it. The files are written when all answers exist, and renamed into place, the manifest last.
 Nothing in them depends on time or order, so a second run makes the same bytes on the same machine.
 """
@@ -30,23 +30,23 @@ from tippedisk_verify.files import (
 )
 from tippedisk_verify.parallel import results_as_completed
 from tippedisk_verify.provenance import code_version, digest
-from tippedisk_verify.reference_values.checking import stored_questions
+from tippedisk_verify.reference_values.checking import stored_entries
+from tippedisk_verify.reference_values.entries import ReferenceEntry
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.lookup import full_id
 from tippedisk_verify.reference_values.manifest import (
-    FILES,
+    COMPUTED_FILES,
+    DATA_FILES,
+    HANDWRITTEN_FILES,
     MANIFEST,
     MAX_FILE_BYTES,
-    STATIC,
-    VALUES,
     data_folder,
     manifest_text,
-    sound_files,
+    verified_texts,
 )
-from tippedisk_verify.reference_values.questions import ReferenceQuestion
-from tippedisk_verify.reference_values.store import load_store, table_rows
+from tippedisk_verify.reference_values.store import load_store, parse_values_csv
 
-__all__ = ["DATA_VERSION", "generate", "items_of", "replace_files", "write_manifest"]
+__all__ = ["DATA_VERSION", "entries_of", "generate", "replace_files", "write_manifest"]
 
 #: The version of the values, not of the program. reference_data/CHANGELOG.md lists its changes.
 DATA_VERSION = "2.0.0"
@@ -74,34 +74,36 @@ def generate(
         InputError: If no id starts with a prefix, or the folder cannot be written.
         AccuracyError: If two methods exclude each other.
     """
-    items = items_of([full_id(prefix) for prefix in prefixes])
-    if not items:
+    wanted = entries_of([full_id(prefix) for prefix in prefixes])
+    if not wanted:
         raise InputError(
             f"no entry starts with '{' or '.join(prefixes)[:100]}': try table1/linear/hopf"
         )
     with sole_writer(out) as folder:
         entries = _present(folder)  # reports damage before hours of work
         work = output_folder(folder / ".work")
-        for (item, *_), answer in results_as_completed(
-            _computed, [(item, work, _code()) for item in items], executor
+        for (entry, *_), answer in results_as_completed(
+            _computed, [(entry, work, _code()) for entry in wanted], executor
         ):
-            entries[item.id] = answer
-            advance(item.id, 1)
+            entries[entry.id] = answer
+            advance(entry.id, 1)
         texts = _texts(entries)
         if folder.resolve() != data_folder().resolve():
-            texts |= {name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in STATIC}
+            texts |= {
+                name: read_text(data_folder() / name, MAX_FILE_BYTES) for name in HANDWRITTEN_FILES
+            }
         replace_files(folder, texts)
         # A worker of a killed run may still write into it; the next run removes or reuses that.
         shutil.rmtree(work, ignore_errors=True)
-        return len(items)
+        return len(wanted)
 
 
-def items_of(prefixes: Sequence[str] = ()) -> list[ReferenceQuestion]:
-    """Return the questions of the table whose ids start with one of the prefixes, in its order."""
+def entries_of(prefixes: Sequence[str] = ()) -> list[ReferenceEntry]:
+    """Return the entries of the table whose ids start with one of the prefixes, in its order."""
     return [
-        entry.item
-        for entry in stored_questions(load_store())
-        if entry.item.id.startswith(tuple(prefixes) or "")
+        stored.entry
+        for stored in stored_entries(load_store())
+        if stored.entry.id.startswith(tuple(prefixes) or "")
     ]
 
 
@@ -111,21 +113,21 @@ def _code() -> str:
     return digest([code_version(), here])
 
 
-def _computed(job: tuple[ReferenceQuestion, Path, str]) -> dict[str, Any]:
+def _computed(job: tuple[ReferenceEntry, Path, str]) -> dict[str, Any]:
     """Return an entry's answer, from the work folder or computed and stored there.
 
     Raises:
         AccuracyError: If the code here differs from that of the process that asks.
     """
-    item, work, code = job
+    entry, work, code = job
     if _code() != code:
         raise AccuracyError(
             "the code, or a numerical package, has changed since this run began: start it again"
         )
-    cache, key = Cache(work), digest([code, item.id, dict(item.inputs), item.readings])
+    cache, key = Cache(work), digest([code, entry.id, dict(entry.inputs), entry.readings])
     kept: dict[str, Any] | None = cache.get(key)
     if kept is None:
-        kept = answered(item)
+        kept = answered(entry)
         cache.put(key, kept)
     return kept
 
@@ -138,9 +140,11 @@ def _present(folder: Path) -> Entries:
     """
     if not (folder / MANIFEST).exists():
         return {}
-    texts = sound_files(folder, VALUES)
+    texts = verified_texts(folder, COMPUTED_FILES)
     proofs = json.loads(texts["proofs.json"])
-    by_entry = groupby(table_rows(texts["values.csv"]), key=lambda row: row["id"].rsplit("/", 1)[0])
+    by_entry = groupby(
+        parse_values_csv(texts["values.csv"]), key=lambda row: row["id"].rsplit("/", 1)[0]
+    )
     return {id_: {"rows": list(rows), "proof": proofs.get(id_)} for id_, rows in by_entry}
 
 
@@ -149,7 +153,7 @@ def _texts(entries: Entries) -> dict[str, str]:
 
     Each line holds one quantity or proof, so that differences between versions are small.
     """
-    ordered = [item.id for item in items_of() if item.id in entries]
+    ordered = [entry.id for entry in entries_of() if entry.id in entries]
     rows = [
         [row[name] for name in VALUES_COLUMNS] for id_ in ordered for row in entries[id_]["rows"]
     ]
@@ -187,7 +191,7 @@ def write_manifest(folder: Path, ahead: Mapping[str, str] | None = None) -> None
             its old and its new form.
     """
     files: dict[str, dict[str, Any]] = {}
-    for name in (name for name in FILES if (folder / name).is_file()):
+    for name in (name for name in DATA_FILES if (folder / name).is_file()):
         read = read_bytes(folder / name, MAX_FILE_BYTES)
         files[name] = {"sha256": digest(read), "bytes": len(read)}
         if ahead and name in ahead:

@@ -15,14 +15,14 @@ from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.model.precision import precision_of_bits
-from tippedisk_verify.reference_values.questions import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import (
     BITS,
     DIGITS,
     ORDERS,
     WIDER_BITS,
-    PlainEngine,
-    evaluated_twice,
+    FixedToleranceEngine,
+    evaluate_in_two_precisions,
     trajectory_numbers,
 )
 from tippedisk_verify.theory import hopf, one_harmonic_law, slow_manifold
@@ -51,12 +51,12 @@ def _compiled(law: Any, working: int) -> Any:
     return hy.cfunc(outputs, list(state), fp_type=hy.real, prec=working, compact_mode=True), names
 
 
-def symbolic(case: Case, values: Values) -> Values:
+def symbolic(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the acceleration and its slopes by heyoka's symbolic derivatives."""
     return (
         {}
-        if case.item.friction == "both"
-        else evaluated_twice(partial(_symbolic, case), WIDER_BITS, WIDER_BITS)
+        if case.entry.friction == "both"
+        else evaluate_in_two_precisions(partial(_symbolic, case), WIDER_BITS, WIDER_BITS)
     )
 
 
@@ -81,9 +81,9 @@ def _symbolic(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # -------------------------------------------------------------------------------------- Hopf point
-def hopf_by_balance(case: Case, values: Values) -> Values:
+def hopf_by_balance(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute the Hopf point without a normal form."""
-    return evaluated_twice(partial(_hopf_by_balance, case), kept=BITS - 20)
+    return evaluate_in_two_precisions(partial(_hopf_by_balance, case), correct_bits=BITS - 20)
 
 
 def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
@@ -118,7 +118,7 @@ def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
 
 
 # ----------------------------------------------------------------------------------- slow manifold
-def differences(case: Case, values: Values) -> Values:
+def differences(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Compute each order of the slow manifold from the lower ones and their difference quotients.
 
     The invariance condition at order n needs h_0 ... h_(n-1) and their slopes. The slopes are
@@ -174,13 +174,13 @@ def differences(case: Case, values: Values) -> Values:
 
 
 # ------------------------------------------------------------------------------------------ orbits
-def orbit_by_scipy(case: Case, values: Values) -> Values:
+def orbit_by_scipy(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Integrate an orbit with SciPy.
 
     The change that a hundredfold looser tolerance makes bounds the error.
     """
     tight, loose = (
-        trajectory_numbers(case, 12, engine=PlainEngine(ScipyEngine("DOP853"), tolerance))
+        trajectory_numbers(case, 12, engine=FixedToleranceEngine(ScipyEngine("DOP853"), tolerance))
         for tolerance in (1e-13, 1e-11)
     )
     return {

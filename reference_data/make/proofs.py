@@ -12,7 +12,7 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.questions import Case, Values
+from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.store import quantity_definitions
 
 __all__ = ["proved"]
@@ -23,14 +23,14 @@ _OMEGA_H_DIGITS = 104  # so that the enclosures lie inside the intervals of the 
 _NEAR = ("het+1e-1", "het+1e-2", "het+1e-3", "het+1e-4")
 
 
-Proof = tuple[str, str, Values]  #: statement, command, enclosures
+Proof = tuple[str, str, MeasuredValues]  #: statement, command, enclosures
 
 
-def proved(case: Case, values: Values) -> dict[str, Any] | None:
+def proved(case: Case, values: MeasuredValues) -> dict[str, Any] | None:
     """Prove an entry's numbers.
 
     Args:
-        case: The question, with its inputs as decimals.
+        case: The entry, with its inputs as decimals.
         values: The numbers.
 
     Returns:
@@ -40,26 +40,26 @@ def proved(case: Case, values: Values) -> dict[str, Any] | None:
         AccuracyError: If the attempt ends without a proof, or an interval does not contain its
             enclosure.
     """
-    prove = _PROOFS.get(case.item.kind)
+    prove = _PROOFS.get(case.entry.kind)
     if prove is None or (
-        case.item.kind == "near-heteroclinic" and case.item.id.split("/")[3] not in _NEAR
+        case.entry.kind == "near-heteroclinic" and case.entry.id.split("/")[3] not in _NEAR
     ):
         return None
     statement, command, enclosures = prove(case, values)
     for name, enclosure in enclosures.items():
         if not values[name].contains(enclosure):
             raise AccuracyError(
-                f"{case.item.id}/{name} does not contain its enclosure: it is wrong, or claims too "
+                f"{case.entry.id}/{name} does not contain its enclosure: it is wrong, or claims too "
                 f"much"
             )
     held = {name: enclosure.to_dict() for name, enclosure in enclosures.items()}
     return {"statement": statement, "command": command, "enclosures": held}
 
 
-def _equilibrium(case: Case, values: Values) -> Proof:
+def _equilibrium(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_equilibrium
 
-    omega = case.item.inputs["Omega"]
+    omega = case.entry.inputs["Omega"]
     proof = proved_equilibrium(case.disk, omega, case.inputs["equilibrium"], _DIGITS)
     parts = (part for value in proof.eigenvalues for part in (value.re, value.im))
     enclosures = {
@@ -68,7 +68,7 @@ def _equilibrium(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("equilibria", case, f" --omega {omega}"), enclosures)
 
 
-def _hopf(case: Case, values: Values) -> Proof:
+def _hopf(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.closed_forms import proved_hopf
 
     proof = proved_hopf(case.disk, _DIGITS)
@@ -77,7 +77,7 @@ def _hopf(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("hopf", case), enclosures)
 
 
-def _connection(case: Case, values: Values) -> Proof:
+def _connection(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
     # Start as the command does: the stored value has too few digits for so short an interval.
@@ -95,15 +95,15 @@ def _connection(case: Case, values: Values) -> Proof:
     return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
 
 
-def _cycle(case: Case, values: Values) -> Proof:
+def _cycle(case: Case, values: MeasuredValues) -> Proof:
     from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 
-    omega = case.item.inputs["Omega"]
+    omega = case.entry.inputs["Omega"]
     proof = prove_cycle(
         case.disk, omega, (values["gamma_bar_0"].value, values["v_0"].value), digits=_DIGITS
     )
     if not proof.proved:
-        raise AccuracyError(f"{case.item.id}: {proof.statement}")
+        raise AccuracyError(f"{case.entry.id}: {proof.statement}")
     numbers = proof.numbers()
     enclosures = {name: numbers[name] for name in values if name in numbers}
     return (proof.statement, _command("orbit", case, f" --omega {omega}"), enclosures)
@@ -111,11 +111,11 @@ def _cycle(case: Case, values: Values) -> Proof:
 
 def _command(subject: str, case: Case, options: str = "", digits: int = _DIGITS) -> str:
     law = " --friction smooth" if case.disk.friction == "smooth" else ""
-    disk = case.item.id.partition("/")[0]
+    disk = case.entry.id.partition("/")[0]
     return f"tippedisk-verify certify {subject} --parameters {disk}{law}{options} --digits {digits}"
 
 
-_PROOFS: dict[str, Callable[[Case, Values], Proof]] = {
+_PROOFS: dict[str, Callable[[Case, MeasuredValues], Proof]] = {
     "equilibrium": _equilibrium,
     "hopf": _hopf,
     "heteroclinic": _connection,

@@ -1,4 +1,4 @@
-"""The methods that answer each kind of question: that of `Disk`, and others that confirm it."""
+"""The methods that compute each kind of entry: that of `Disk`, and others that confirm it."""
 
 from __future__ import annotations
 
@@ -13,18 +13,18 @@ from reference_data.make.proofs import proved
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.reference_values import truths
-from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.manifest import data_folder, sound_files
-from tippedisk_verify.reference_values.questions import (
+from tippedisk_verify.reference_values.entries import (
     STORED_DIGITS,
     Case,
+    MeasuredValues,
     Reading,
-    ReferenceQuestion,
-    Values,
+    ReferenceEntry,
     case_of,
     disagreements,
     rounded_to_digits,
 )
+from tippedisk_verify.reference_values.grading_rules import values_csv_row
+from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
 
 __all__ = ["CONFIRM", "answered", "confirmed", "methods_of"]
 
@@ -34,11 +34,11 @@ _USUAL_DIGITS = 36
 _CONFIRMED = Fraction(1, 10**30)
 
 
-def _again(case: Case, values: Values) -> Values:
-    return truths.compute_again(case, _USUAL_DIGITS)
+def _again(case: Case, values: MeasuredValues) -> MeasuredValues:
+    return truths.cross_check_values(case, _USUAL_DIGITS)
 
 
-def _shifted(case: Case, values: Values) -> Values:
+def _shifted(case: Case, values: MeasuredValues) -> MeasuredValues:
     """Integrate in shifted angles, with ten digits more.
 
     Its own error is then far below the half-widths that it is compared with.
@@ -47,7 +47,7 @@ def _shifted(case: Case, values: Values) -> Values:
 
 
 #: The methods after the first of each kind, by their names in methods.csv.
-CONFIRM: dict[str, dict[str, Callable[[Case, Values], Values]]] = {
+CONFIRM: dict[str, dict[str, Callable[[Case, MeasuredValues], MeasuredValues]]] = {
     "rhs": {"shifted": _again, "symbolic": local.symbolic},
     "equilibrium": {"eigensolver": _again},
     "hopf": {"balance": local.hopf_by_balance},
@@ -84,30 +84,32 @@ def methods_of(kind: str) -> dict[str, bool]:
     Returns:
         True for each method that shares no integrator with the first.
     """
-    rows = csv.DictReader(sound_files(data_folder(), ["methods.csv"])["methods.csv"].splitlines())
+    rows = csv.DictReader(
+        verified_texts(data_folder(), ["methods.csv"])["methods.csv"].splitlines()
+    )
     return {row["method"]: row["independent"] == "yes" for row in rows if row["kind"] == kind}
 
 
-def confirmed(case: Case, values: Values) -> dict[str, Values]:
+def confirmed(case: Case, values: MeasuredValues) -> dict[str, MeasuredValues]:
     """Compute the numbers by each further method.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: The numbers of the first method.
 
     Raises:
         AccuracyError: If a method excludes them.
     """
     answers = {}
-    for name, method in CONFIRM[case.item.kind].items():
+    for name, method in CONFIRM[case.entry.kind].items():
         answers[name] = method(case, values)
         for line in disagreements(values, answers[name]):
-            raise AccuracyError(f"{case.item.id} by {name}: {line}")
+            raise AccuracyError(f"{case.entry.id} by {name}: {line}")
     return answers
 
 
-def answered(item: ReferenceQuestion) -> dict[str, Any]:
-    """Answer a question.
+def answered(entry: ReferenceEntry) -> dict[str, Any]:
+    """Compute the numbers of an entry by all methods.
 
     Returns:
         Its ``rows`` in values.csv, and its ``proof`` or None.
@@ -115,14 +117,14 @@ def answered(item: ReferenceQuestion) -> dict[str, Any]:
     Raises:
         AccuracyError: If two methods exclude each other.
     """
-    kind, digits = item.kind, _DIGITS.get(item.kind, _USUAL_DIGITS)
+    kind, digits = entry.kind, _DIGITS.get(entry.kind, _USUAL_DIGITS)
     kept = max(STORED_DIGITS, digits - 2)
-    values: dict[Reading, Values] = {}
+    values: dict[Reading, MeasuredValues] = {}
     distances: dict[str, dict[str, Fraction]] = {}
     twice: set[str] = set()
-    for reading in item.readings:
-        case = case_of(item, reading)
-        first = truths.compute(case, digits)
+    for reading in entry.readings:
+        case = case_of(entry, reading)
+        first = truths.true_values(case, digits)
         # Take the numbers as they will be written, because the proof is about these.
         values[reading] = {
             name: Measured.of(*rounded_to_digits(value, kept).decimals())
@@ -138,7 +140,7 @@ def answered(item: ReferenceQuestion) -> dict[str, Any]:
                 )
                 if near and reading == "decimals" and methods_of(kind)[method]:
                     twice.add(name)
-    case = case_of(item, "decimals")
+    case = case_of(entry, "decimals")
     slopes, proof = _slopes(case, values["decimals"]), proved(case, values["decimals"])
     rows = []
     for name in values["decimals"]:
@@ -147,28 +149,30 @@ def answered(item: ReferenceQuestion) -> dict[str, Any]:
         grade = (
             "proved" if proven else "two-method" if name in twice else "agreed" if by else "single"
         )
-        numbers = {reading: values[reading][name].decimals() for reading in item.readings}
+        numbers = {reading: values[reading][name].decimals() for reading in entry.readings}
         quantity = truths.as_reference_value(
-            item,
+            entry,
             name,
             numbers,
             slopes.get(name, {}),
             grade,
             {next(iter(methods_of(kind))): "0", **by},
         )
-        rows.append(table_row(case.disk.decimals(), quantity))
+        rows.append(values_csv_row(case.disk.decimals(), quantity))
     return {"rows": rows, "proof": proof}
 
 
-def _slopes(case: Case, values: Values) -> truths.Slopes:
+def _slopes(case: Case, values: MeasuredValues) -> truths.Sensitivities:
     """Return condition numbers; next to Omega_h by steps far smaller than the distance."""
-    if case.item.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
-        return truths.condition(case, values)
+    if case.entry.kind not in ("near-heteroclinic", "heteroclinic", "rotation-fold"):
+        return truths.sensitivities(case, values)
     step = Fraction(1, 10**8)
-    if case.item.kind == "near-heteroclinic":
+    if case.entry.kind == "near-heteroclinic":
         step = (1 - cycles.omega_h_for(case) / case.inputs["Omega"]) / 10**5
-    return truths.by_differences(
+    return truths.sensitivities_by_differences(
         case,
-        lambda moved: {name: number.value for name, number in truths.compute(moved, 17).items()},
+        lambda moved: {
+            name: number.value for name, number in truths.true_values(moved, 17).items()
+        },
         step,
     )

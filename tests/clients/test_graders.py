@@ -142,7 +142,7 @@ def _expected(path: Path, store: Store, chosen: list[ReferenceValue]) -> Said:
         for level in tally_levels(grades, chosen)
     }
     failed = {(grade.verdict, grade.id) for grade in grades if grade.failed}
-    return failed, levels, (len(answers.unknown), len(answers.repeated))
+    return failed, levels, (len(answers.unknown_ids), len(answers.repeated_ids))
 
 
 def _said(text: str) -> Said:

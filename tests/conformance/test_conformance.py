@@ -21,8 +21,8 @@ from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.grade_pages import Report, html_page, print_report
 from tippedisk_verify.conformance.grading import (
+    agreeing_digits,
     compare,
-    digits_between,
     grade_answers,
     tally_levels,
 )
@@ -102,7 +102,7 @@ def test_digits_are_those_of_the_relative_error(error: str, digits: float) -> No
     truth = Decimal(7)
     with localcontext() as context:
         context.prec = 60
-        found = digits_between(truth * (1 + Decimal(error)), truth, truth)
+        found = agreeing_digits(truth * (1 + Decimal(error)), truth, truth)
     assert found == pytest.approx(digits, abs=1e-4)  # as typed above
 
 
@@ -224,7 +224,7 @@ def test_nonsense_has_no_cause_and_breaks_nothing(entry: str, store: Store) -> N
     grades = grade_answers(_answers(given), store)
     (diagnosis,) = diagnose(grades, store)
     assert all(re.search("(is|are) (zero|one)$", cause) for _, cause in diagnosis.causes)
-    assert diagnosis.no_numbers >= len(given) // 4
+    assert diagnosis.not_finite >= len(given) // 4
     assert not any(math.isfinite(grade.digits) for grade in grades if grade.answer == "abc")
 
 

@@ -369,7 +369,7 @@ def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: P
     command = program(f"open({str(pid)!r}, 'w').write(str(os.getpid()))\n" + WELL)
     # The fifth line is the answer to the fourth question that counts, and not yet taken.
     status, printed, told = Struck(tmp_path / "hand").at(
-        "call answer_line 5", [*RUN, "--out", str(out), "--", *command]
+        "call parse_answer_line 5", [*RUN, "--out", str(out), "--", *command]
     )
     assert (status, printed, told) == (130, "", INTERRUPTED)
     assert [path.name for path in out.iterdir()] == ["answers.jsonl"]

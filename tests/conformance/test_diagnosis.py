@@ -13,17 +13,18 @@ import numpy as np
 import pytest
 
 from tests.conformance.mistakes import (
-    ELSEWHERE,
-    KINDS,
-    LISTED,
-    drawn,
+    DRAWS,
+    EQUATION_MISTAKES,
+    FORMULA_MISTAKES,
+    diagnose_planted,
+    draw_mistakes,
     grades_of,
-    patched,
-    planted,
+    patched_program,
+    question_rows,
 )
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnose
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
-from tippedisk_verify.conformance.diagnosis.terms import Values, parse_sum, sum_text
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues, parse_sum, sum_text
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import vector_field
@@ -67,34 +68,63 @@ def _changed(pattern: str, of: Callable[[ReferenceValue], float], store: Store) 
 
 
 def test_every_kind_of_mistake_can_be_planted() -> None:
-    assert [name for name, kind in KINDS.items() if patched([(kind.old, kind.new)]) is None] == []
+    assert [
+        name
+        for name, mistake in EQUATION_MISTAKES.items()
+        if patched_program([(mistake.old, mistake.new)]) is None
+    ] == []
 
 
 @pytest.mark.parametrize(
     "listed",
     [
         pytest.param(name, marks=[pytest.mark.slow(minutes=0.4)] * (name != "some"))
-        for name in LISTED
+        for name in DRAWS
     ],
 )
 def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> None:
-    differences, only, sizes = LISTED[listed]
-    draws = [names for count, size in sizes for names in drawn(1, count, size)]
-    found = [one for names in draws if (one := planted(names, differences, only=only))]
+    differences, id_pattern, sizes = DRAWS[listed]
+    draws = [names for count, size in sizes for names in draw_mistakes(1, count, size)]
+    found = [
+        one
+        for names in draws
+        if (one := diagnose_planted(names, differences, id_pattern=id_pattern))
+    ]
     assert len(found) == len(draws)
     assert sum(len(one.named) == len(one.names) for one in found) >= 0.85 * len(found)
     assert sum(bool(one.named) for one in found) >= 0.95 * len(found)
-    assert sum(bool(one.false) for one in found) <= max(1, 0.02 * len(found))
+    assert sum(bool(one.false_causes) for one in found) <= max(1, 0.02 * len(found))
+
+
+@pytest.mark.parametrize("names", [("Bbar-plus", "inertia-exchanged"), ("h2-B", "h2-sine")])
+def test_mistakes_whose_effects_multiply_are_both_named(names: tuple[str, str]) -> None:
+    found = diagnose_planted(names)
+    assert found is not None
+    assert found.named == set(names)
+    assert found.false_causes == ()
+
+
+def test_a_relation_to_the_values_of_a_program_with_mistakes_is_named(store: Store) -> None:
+    mistake = EQUATION_MISTAKES["Bbar-B"]
+    program = patched_program([(mistake.old, mistake.new)])
+    assert program is not None
+    answers = {
+        id_: float(text) / (2 * math.pi if "/equilibrium/" in id_ else 1)
+        for id_, text in program["answered"](question_rows(range(1, 3))).items()
+    }
+    level_1, level_2 = _diagnosed({id_: repr(x) for id_, x in answers.items()}, store)
+    assert [says for _, says in level_1.causes] == ["Bbar = B, not B - m e^2"]
+    assert [says for _, says in level_2.causes] == ["all answers have the factor 1/(2 pi)"]
 
 
 #: The level at which a mistake shows, by the first word of its name.
 LEVELS = {"eigenvalues": 2, "equilibrium": 2, "hopf": 3, "law": 4, "manifold": 5}
 
 
-@pytest.mark.parametrize("name", ELSEWHERE)
+@pytest.mark.parametrize("name", FORMULA_MISTAKES)
 def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
-    *patch, says = ELSEWHERE[name]
-    program = patched([(patch[0], patch[1])])
+    *patch, says = FORMULA_MISTAKES[name]
+    program = patched_program([(patch[0], patch[1])])
     assert program is not None
     level = LEVELS[name.partition("-")[0]]
     diagnoses = diagnose(grades_of(program, range(level, level + 1)), load_store())
@@ -103,7 +133,7 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
 
 
 def test_right_programs_have_no_diagnosis() -> None:
-    program = patched([])
+    program = patched_program([])
     assert program is not None
     assert diagnose(grades_of(program, range(1, 6), "."), load_store()) == []
 
@@ -195,11 +225,11 @@ def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
 
 @pytest.mark.parametrize("definitions", [LINEAR, SMOOTH], ids=["linear", "smooth"])
 def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object, ...]]) -> None:
-    at = Values(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
+    at = EquationValues(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
     for name in ("beta", "gamma", "v"):
         step = 1e-5
         sides = [
-            Values(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
+            EquationValues(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
             for sign in (1, -1)
         ]  # type: ignore[arg-type]
         slope = (sides[0]["v_rate"] - sides[1]["v_rate"]) / (2 * step)
@@ -221,8 +251,8 @@ def test_sums_are_shown_as_they_are_read(text: str) -> None:
 
 
 def test_levels_without_an_integrator_follow_and_later_ones_may_follow(store: Store) -> None:
-    kind = KINDS["Bbar-B"]
-    program = patched([(kind.old, kind.new)])
+    mistake = EQUATION_MISTAKES["Bbar-B"]
+    program = patched_program([(mistake.old, mistake.new)])
     assert program is not None
     diagnoses = diagnose(grades_of(program, range(1, 3)), store)
     assert [one.status for one in diagnoses] == ["explained", "follows"]

@@ -90,7 +90,7 @@ def test_too_few_digits_are_not_wrong(store: Store) -> None:
     report = _report({CRIT: repr(truth * (1 + 1e-6))}, store)
     assert "too few digits: 1 of 1 answer" in report.headline()
     (level,) = [level for level in report.levels if level.answered]
-    assert (level.verdict, level.failed, level.too_few) == ("too few digits", 1, 1)
+    assert (level.verdict, level.failed, level.too_few_digits) == ("too few digits", 1, 1)
     (diagnosis,) = diagnose(report.grades, store)
     assert "1 with too few digits only" in diagnosis.summary()
     assert "wrong" not in diagnosis.summary()
@@ -149,7 +149,7 @@ def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Pat
     path = tmp_path / "a.csv"
     path.write_text("id,answer\n" + "\n".join(rows) + "\n")
     answers = read_answers(path, store)
-    assert answers.missing == ["table1/linear/hopf/point"]
+    assert answers.missing_entries == ["table1/linear/hopf/point"]
     verdicts = {
         grade.id.rsplit("/", 1)[1]: grade.verdict for grade in grade_answers(answers, store)
     }

@@ -25,12 +25,12 @@ from tippedisk_verify.conformance.sheet import (
     read_answers,
     sheet_csv,
     sheet_json,
-    store_for,
+    store_for_sheet,
 )
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
+from tippedisk_verify.reference_values.entries import ReferenceEntry, case_of, disagreements
 from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
-from tippedisk_verify.reference_values.questions import ReferenceQuestion, case_of, disagreements
 from tippedisk_verify.reference_values.store import Store, load_store
 
 
@@ -99,12 +99,12 @@ def test_other_methods_agree_with_the_truths(kind: str, truths: Store) -> None:
     asked = [quantity for quantity in truths.matching("fresh-5-1/") if quantity.kind == kind]
     for entry in dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity in asked):
         here = [quantity for quantity in asked if quantity.id.startswith(f"{entry}/")]
-        item = ReferenceQuestion(entry, here[0].inputs)
+        fresh_entry = ReferenceEntry(entry, here[0].inputs)
         for reading in ("decimals", "doubles"):
             known = {quantity.name: quantity.measured(reading) for quantity in here}
             for name, method in CONFIRM[kind].items():
                 if name != "symbolic":  # compiles for seconds; another method confirms the same
-                    assert disagreements(known, method(case_of(item, reading), known)) == []
+                    assert disagreements(known, method(case_of(fresh_entry, reading), known)) == []
 
 
 @pytest.mark.parametrize("law", ["linear", "smooth"])
@@ -190,15 +190,15 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
         row["answer"] = short[row["id"]]
     for text in (json.dumps(short), json.dumps(short).replace("/", "\\/"), json.dumps(full)):
         (tmp_path / "a.json").write_text(text)
-        found = store_for(tmp_path / "a.json", load_store())
+        found = store_for_sheet(tmp_path / "a.json", load_store())
         answers = read_answers(tmp_path / "a.json", found)
         grades = grade_answers(answers, found)
         assert [grade.id for grade in grades] == ids
         assert not any(grade.failed for grade in grades)
-        assert (answers.unknown, answers.altered_entries) == ([], [])
+        assert (answers.unknown_ids, answers.altered_rows) == ([], [])
     full["questions"][0]["mu"] = "0.3"
     (tmp_path / "a.json").write_text(json.dumps(full))
-    assert read_answers(tmp_path / "a.json", found).altered_entries == [f"{ids[0]}, mu"]
+    assert read_answers(tmp_path / "a.json", found).altered_rows == [f"{ids[0]}, mu"]
 
 
 def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -43,8 +43,8 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, precision_of_bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
-from tippedisk_verify.reference_values.questions import Case, ReferenceQuestion
-from tippedisk_verify.reference_values.truths import compute, compute_again
+from tippedisk_verify.reference_values.entries import Case, ReferenceEntry
+from tippedisk_verify.reference_values.truths import cross_check_values, true_values
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
@@ -79,15 +79,15 @@ def right_hand_side(draw: Draw) -> Question:
     angles = (decimal(float(DOUBLE.number(part)), 12) for part in draw.state())
     place = dict(zip(("Omega", "beta", "gamma", "v"), (draw.speed(disk), *angles), strict=True))
     case = Case(
-        ReferenceQuestion(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place
+        ReferenceEntry(f"drawn/{draw.choice(('both', disk.friction))}/rhs/1", {}), disk, place
     )
-    return Question(lambda: compute(case, 0), lambda known: compute_again(case, 0))
+    return Question(lambda: true_values(case, 0), lambda known: cross_check_values(case, 0))
 
 
 def hopf(draw: Draw) -> Question:
     """Against implicit differentiation and the consistent one-harmonic law."""
     disk, digits = draw.disk(), draw.choice((6, 12, 15, 30))
-    case = Case(ReferenceQuestion("drawn/linear/hopf/point", {}), disk, {})
+    case = Case(ReferenceEntry("drawn/linear/hopf/point", {}), disk, {})
     return Question(lambda: disk.hopf(digits=digits), lambda _: hopf_by_balance(case, {}))
 
 

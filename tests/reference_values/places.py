@@ -17,7 +17,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.motion.scenes import SCENES
 from tippedisk_verify.reference_values.draws import decimal_text
-from tippedisk_verify.reference_values.questions import READINGS, ReferenceQuestion
+from tippedisk_verify.reference_values.entries import READINGS, ReferenceEntry
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import RESIDUAL_POINTS
 
@@ -46,7 +46,7 @@ _ROTATIONS = (
 _QUARTER = "1.5707963267948966192313216916397514420985846996876"
 
 
-def _rhs(name: str) -> Iterator[ReferenceQuestion]:
+def _rhs(name: str) -> Iterator[ReferenceEntry]:
     """Return 200 states and speeds, the same for every set; a tenth are close to beta = pi/2."""
     for n in range(1, _STATES + 1):
         shares = _kronecker(n, 4)
@@ -61,35 +61,35 @@ def _rhs(name: str) -> Iterator[ReferenceQuestion]:
             "v": decimal_text((2 * shares[2] - 1) * 12, 4),
         }
         for law in ("both", *_LAWS):
-            yield ReferenceQuestion(f"{name}/{law}/rhs/{n:03d}", inputs)
+            yield ReferenceEntry(f"{name}/{law}/rhs/{n:03d}", inputs)
 
 
-def _equilibria(name: str) -> Iterator[ReferenceQuestion]:
+def _equilibria(name: str) -> Iterator[ReferenceEntry]:
     for speed in _EQUILIBRIUM_SPEEDS:
         for state in ("inverted", "noninverted"):
-            yield ReferenceQuestion(
+            yield ReferenceEntry(
                 f"{name}/both/equilibrium/{state}-{speed}", {"Omega": speed, "equilibrium": state}
             )
 
 
-def _harmonic_balances(name: str) -> Iterator[ReferenceQuestion]:
+def _harmonic_balances(name: str) -> Iterator[ReferenceEntry]:
     for below in _BALANCE_BELOW:
         for form in ("printed", "consistent"):
             inputs = {"Omega": _below_crit(name, below), "form": form}
-            yield ReferenceQuestion(f"{name}/linear/harmonic-balance/{form}-crit-{below}", inputs)
+            yield ReferenceEntry(f"{name}/linear/harmonic-balance/{form}-crit-{below}", inputs)
 
 
-def _slow_manifolds(name: str) -> Iterator[ReferenceQuestion]:
+def _slow_manifolds(name: str) -> Iterator[ReferenceEntry]:
     for n, (beta, gamma) in enumerate(RESIDUAL_POINTS, start=1):
         inputs = {
             "Omega": _MANIFOLD_SPEED,
             "beta": decimal_text(beta, 4),
             "gamma": decimal_text(gamma, 4),
         }
-        yield ReferenceQuestion(f"{name}/linear/slow-manifold/{n:02d}", inputs)
+        yield ReferenceEntry(f"{name}/linear/slow-manifold/{n:02d}", inputs)
 
 
-def _trajectories(name: str) -> Iterator[ReferenceQuestion]:
+def _trajectories(name: str) -> Iterator[ReferenceEntry]:
     """Return the two orbits of each of the six scenes."""
     starts = (
         (_QUARTER, f"-{_QUARTER}", "2"),
@@ -101,18 +101,18 @@ def _trajectories(name: str) -> Iterator[ReferenceQuestion]:
             for n, start in enumerate(starts, start=1):
                 inputs = dict(zip(("beta", "gamma", "v"), start, strict=True))
                 inputs = {"Omega": decimal_text(base + scene.offset, 12), **inputs}
-                yield ReferenceQuestion(f"{name}/{law}/trajectory/{scene.name}{n}", inputs)
+                yield ReferenceEntry(f"{name}/{law}/trajectory/{scene.name}{n}", inputs)
 
 
-def _cycles(name: str) -> Iterator[ReferenceQuestion]:
+def _cycles(name: str) -> Iterator[ReferenceEntry]:
     for law in _LAWS:
         for below in _CYCLES_BELOW:
-            yield ReferenceQuestion(
+            yield ReferenceEntry(
                 f"{name}/{law}/limit-cycle/crit-{below}", {"Omega": _below_crit(name, below)}
             )
 
 
-def _near_heteroclinics(name: str) -> Iterator[ReferenceQuestion]:
+def _near_heteroclinics(name: str) -> Iterator[ReferenceEntry]:
     """Return limit cycles at Omega_h + 10^-k.
 
     The speed is written in full; doubles can distinguish it from Omega_h down to k = 8.
@@ -125,27 +125,27 @@ def _near_heteroclinics(name: str) -> Iterator[ReferenceQuestion]:
                 omega_h + Fraction(1, 10**k), 15 if in_doubles else k + _NEAR_DIGITS
             )
             readings = READINGS if in_doubles else READINGS[:1]
-            yield ReferenceQuestion(
+            yield ReferenceEntry(
                 f"{name}/{law}/near-heteroclinic/het+1e-{k}", {"Omega": speed}, readings
             )
 
 
-def _rotations(name: str) -> Iterator[ReferenceQuestion]:
+def _rotations(name: str) -> Iterator[ReferenceEntry]:
     """Return two stable cycles, and unstable ones below Omega_h, below Omega_crit and above it."""
     for law in _LAWS:
         for form, base, away in _ROTATIONS:
             speed = (_crit(name) if base == "crit" else _omega_h(name, law).value) + Fraction(away)
             inputs = {"Omega": decimal_text(speed, 12), "form": form}
-            yield ReferenceQuestion(f"{name}/{law}/rotating-cycle/{form}-{base}{away}", inputs)
+            yield ReferenceEntry(f"{name}/{law}/rotating-cycle/{form}-{base}{away}", inputs)
 
 
-def _points(kind: str, *laws: str) -> Callable[[str], Iterator[ReferenceQuestion]]:
+def _points(kind: str, *laws: str) -> Callable[[str], Iterator[ReferenceEntry]]:
     """Return the questions that need only the disk."""
-    return lambda name: (ReferenceQuestion(f"{name}/{law}/{kind}/point", {}) for law in laws)
+    return lambda name: (ReferenceEntry(f"{name}/{law}/{kind}/point", {}) for law in laws)
 
 
 #: All questions of a kind for a parameter set; kinds in order of difficulty.
-PLACES: dict[str, Callable[[str], Iterator[ReferenceQuestion]]] = {
+PLACES: dict[str, Callable[[str], Iterator[ReferenceEntry]]] = {
     "rhs": _rhs,
     "equilibrium": _equilibria,
     "hopf": _points("hopf", "linear"),

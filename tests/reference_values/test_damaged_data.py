@@ -138,7 +138,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
     path.write_text(re.sub(empty, filled, text))
     whole, content = read_answers(path, store), path.read_bytes()
     assert len(whole.by_id) == len(asked)
-    assert not whole.altered_entries
+    assert not whole.altered_rows
     for _ in range(100):
         question = draw.choice(rows)
         at = content.index(question) + draw.randrange(len(question))
@@ -150,7 +150,7 @@ def test_a_turned_bit_in_a_question_is_reported(form: str, tmp_path: Path) -> No
         except InputError:
             told += 1
             continue
-        if found.altered_entries or found.unknown or found.repeated or found.short_rows:
+        if found.altered_rows or found.unknown_ids or found.repeated_ids or found.short_rows:
             told += 1
         else:
             assert found.by_id == whole.by_id

@@ -12,14 +12,14 @@ from pathlib import Path
 
 import pytest
 
-from reference_data.make.generation import _computed, generate, items_of
+from reference_data.make.generation import _computed, entries_of, generate
 from reference_data.make.recipes import CONFIRM, confirmed, methods_of
 from tests.reference_values.places import PLACES
 from tests.stress.runs import MAKE
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.checking import check, stored_questions
-from tippedisk_verify.reference_values.questions import case_of
+from tippedisk_verify.reference_values.checking import check, stored_entries
+from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.store import Store, load_store, quantity_definitions
 
 SETS = ("table1", "calibrated")
@@ -57,7 +57,9 @@ def test_each_kind_has_the_methods_of_the_table() -> None:
 def test_questions_are_where_the_rules_put_them(kind: str) -> None:
     for name in SETS:
         stored_items = [
-            one.item for one in stored_questions(load_store(), f"{name}/") if one.item.kind == kind
+            stored.entry
+            for stored in stored_entries(load_store(), f"{name}/")
+            if stored.entry.kind == kind
         ]
         assert [(one.id, dict(one.inputs), one.readings) for one in PLACES[kind](name)] == [
             (one.id, dict(one.inputs), one.readings) for one in stored_items
@@ -66,10 +68,10 @@ def test_questions_are_where_the_rules_put_them(kind: str) -> None:
 
 def test_the_further_methods_agree() -> None:
     for kind in ("rhs", "equilibrium", "hopf", "harmonic-balance", "slow-manifold"):
-        entries = [entry for entry in stored_questions(load_store()) if entry.item.kind == kind]
-        entry = random.Random(7).choice(entries)
-        answers = confirmed(case_of(entry.item, "doubles"), entry.values("doubles"))
-        assert any(answers.values()) or entry.item.friction == "both"
+        entries = [stored for stored in stored_entries(load_store()) if stored.entry.kind == kind]
+        stored = random.Random(7).choice(entries)
+        answers = confirmed(case_of(stored.entry, "doubles"), stored.values("doubles"))
+        assert any(answers.values()) or stored.entry.friction == "both"
 
 
 @pytest.mark.slow(minutes=0.5)
@@ -77,9 +79,9 @@ def test_the_further_methods_agree() -> None:
     "id_", ["calibrated/linear/limit-cycle/crit-0.3", "table1/linear/rotation-fold/point"]
 )
 def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> None:
-    (entry,) = stored_questions(load_store(), f"{id_}/")
-    answers = confirmed(case_of(entry.item, "decimals"), entry.values("decimals"))
-    assert set(answers) == set(CONFIRM[entry.item.kind])
+    (stored,) = stored_entries(load_store(), f"{id_}/")
+    answers = confirmed(case_of(stored.entry, "decimals"), stored.values("decimals"))
+    assert set(answers) == set(CONFIRM[stored.entry.kind])
 
 
 @pytest.mark.parametrize(
@@ -98,11 +100,11 @@ def test_the_further_methods_agree_where_integrators_are_needed(id_: str) -> Non
 def test_a_false_value_is_excluded_by_another_method(
     id_: str, reading: str, name: str, false: Callable[[Measured], Measured], by: str
 ) -> None:
-    (entry,) = stored_questions(load_store(), f"{id_}/")
-    values = entry.values(reading)
+    (stored,) = stored_entries(load_store(), f"{id_}/")
+    values = stored.values(reading)
     values[name] = false(values[name])
     with pytest.raises(AccuracyError, match=f"by {by}: {name}"):
-        confirmed(case_of(entry.item, reading), values)
+        confirmed(case_of(stored.entry, reading), values)
 
 
 # -------------------------------------------------------------------------------------------- runs
@@ -134,9 +136,9 @@ def test_threads_and_parts_make_the_same_bytes(tmp_path: Path) -> None:
 
 
 def test_a_process_with_other_code_computes_no_entry(tmp_path: Path) -> None:
-    (item,) = items_of(HOPF[:1])
+    (entry,) = entries_of(HOPF[:1])
     with pytest.raises(AccuracyError, match="has changed"):
-        _computed((item, tmp_path, "other code"))
+        _computed((entry, tmp_path, "other code"))
     assert list(tmp_path.iterdir()) == []
 
 

@@ -12,8 +12,8 @@ import pytest
 from reference_data.make.proofs import proved
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.reference_values.checking import stored_questions
-from tippedisk_verify.reference_values.questions import case_of
+from tippedisk_verify.reference_values.checking import stored_entries
+from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.store import data_folder, load_store
 
 PROVED = ("/both/equilibrium/", "/linear/hopf/", "/linear/limit-cycle/", "/linear/heteroclinic/")
@@ -50,8 +50,8 @@ def test_a_proof_is_found_again(id_: str) -> None:
     """The sentence is the same except for decimals: doubles choose the steps, and processors may
     differ.
     """
-    (entry,) = stored_questions(load_store(), f"{id_}/")
-    proof = proved(case_of(entry.item, "decimals"), entry.values("decimals"))
+    (stored,) = stored_entries(load_store(), f"{id_}/")
+    proof = proved(case_of(stored.entry, "decimals"), stored.values("decimals"))
     known = json.loads((data_folder() / "proofs.json").read_text())[id_]
     statement, stored_statement = (
         re.sub(r"-?\d+\.\d+( ± [\d.e-]+)?", "#", one.pop("statement")) for one in (proof, known)
@@ -63,8 +63,8 @@ def test_a_proof_is_found_again(id_: str) -> None:
 
 
 def test_values_that_are_wrong_or_claim_too_much_are_not_proved() -> None:
-    (entry,) = stored_questions(load_store(), "table1/linear/hopf/point/")
-    case, values = case_of(entry.item, "decimals"), entry.values("decimals")
+    (stored,) = stored_entries(load_store(), "table1/linear/hopf/point/")
+    case, values = case_of(stored.entry, "decimals"), stored.values("decimals")
     period = values["period"]
     for spoilt in (
         Measured(period.value + Fraction(1, 10**45), period.uncertainty),
@@ -79,5 +79,5 @@ def test_what_has_no_proof_gets_none() -> None:
         "table1/smooth/rotating-cycle/stable-het-0.01",
         "table1/linear/near-heteroclinic/het+1e-5",
     ):
-        (entry,) = stored_questions(load_store(), f"{id_}/")
-        assert proved(case_of(entry.item, "decimals"), entry.values("decimals")) is None
+        (stored,) = stored_entries(load_store(), f"{id_}/")
+        assert proved(case_of(stored.entry, "decimals"), stored.values("decimals")) is None

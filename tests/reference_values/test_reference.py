@@ -22,19 +22,19 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.exact import exact, rational_in_context
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.reference_values.checking import (
-    StoredQuestion,
+    StoredEntry,
     check,
-    recompute,
-    stored_questions,
+    recompute_and_compare,
+    stored_entries,
 )
+from tippedisk_verify.reference_values.entries import case_of, disk_in_doubles
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.questions import as_doubles, case_of
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
     load_store,
-    table_rows,
+    parse_values_csv,
 )
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
@@ -70,7 +70,7 @@ def test_numbers_have_34_digits_and_omega_h_100_by_two_methods(store: Store) -> 
 
 def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Store) -> None:
     seen, numbers = 0, {}
-    for row in table_rows((data_folder() / "values.csv").read_text()):
+    for row in parse_values_csv((data_folder() / "values.csv").read_text()):
         numbers[row["set"]] = tuple(row[symbol] for symbol in SYMBOLS)
         for name in (*SYMBOLS, "Omega", "beta", "gamma", "v", "t"):
             if row["value_from_doubles"] and row[name]:
@@ -83,7 +83,8 @@ def test_hexadecimal_numbers_are_the_doubles_nearest_to_the_decimals(store: Stor
         disk = Disk(name)
         assert numbers.pop(name) == tuple(disk.decimals()[symbol] for symbol in SYMBOLS)
         assert all(
-            getattr(as_doubles(disk), symbol) == float(getattr(disk, symbol)) for symbol in SYMBOLS
+            getattr(disk_in_doubles(disk), symbol) == float(getattr(disk, symbol))
+            for symbol in SYMBOLS
         )
 
 
@@ -153,17 +154,17 @@ def test_what_rounding_to_doubles_does_is_what_the_condition_numbers_say(store: 
     ],
 )
 def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> None:
-    known = [entry for entry in stored_questions(store) if entry.item.kind == kind]
-    for entry in random.Random(7).sample(known, min(entries, len(known))):
-        count, faults = recompute(entry)
+    known = [stored for stored in stored_entries(store) if stored.entry.kind == kind]
+    for stored in random.Random(7).sample(known, min(entries, len(known))):
+        count, faults = recompute_and_compare(stored)
         assert faults == []
-        assert count == len(entry.quantities) * len(entry.item.readings)
+        assert count == len(stored.quantities) * len(stored.entry.readings)
 
 
 @pytest.mark.parametrize("id_", ["limit-cycle/crit-0.5", "rotating-cycle/unstable-crit+0.5"])
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
-    (entry,) = stored_questions(store, f"table1/linear/{id_}/")
-    case, values = case_of(entry.item, "decimals"), {q.name: float(q) for q in entry.quantities}
+    (stored,) = stored_entries(store, f"table1/linear/{id_}/")
+    case, values = case_of(stored.entry, "decimals"), {q.name: float(q) for q in stored.quantities}
     found = shoot_known_cycle(case, values, ScipyEngine())
     names = found.return_map.section.coordinate_names
     # SciPy's tolerance is 1e-13
@@ -171,16 +172,16 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
 
 
 def test_a_false_digit_is_found(store: Store) -> None:
-    (entry,) = stored_questions(store, "table1/linear/hopf/")
+    (stored,) = stored_entries(store, "table1/linear/hopf/")
     changed = []
-    for quantity in entry.quantities:
+    for quantity in stored.quantities:
         value, uncertainty = quantity.values["decimals"]
         if quantity.name == "period_slope":
             value = value[:30] + str((int(value[30]) + 5) % 10) + value[31:]
         changed.append(
             replace(quantity, values={**quantity.values, "decimals": (value, uncertainty)})
         )
-    _, faults = recompute(StoredQuestion(entry.item, tuple(changed)))
+    _, faults = recompute_and_compare(StoredEntry(stored.entry, tuple(changed)))
     assert len(faults) == 1
     assert "period_slope" in faults[0]
 

@@ -22,8 +22,8 @@ from tippedisk_verify.reference_values.store import (
     data_folder,
     definition_of,
     load_store,
+    parse_values_csv,
     quantity_definitions,
-    table_rows,
 )
 
 ROOT = Path(__file__).parents[2]
@@ -66,7 +66,7 @@ def test_the_schema_is_that_of_the_table() -> None:
         one["name"]: re.compile(one.get("constraints", {}).get("pattern", ".*")) for one in fields
     }
     required = {one["name"] for one in fields if one.get("constraints", {}).get("required")}
-    for row in table_rows((DATA / "values.csv").read_text()):
+    for row in parse_values_csv((DATA / "values.csv").read_text()):
         for name, text in row.items():
             assert patterns[name].fullmatch(text) if text else name not in required, (
                 row["id"],

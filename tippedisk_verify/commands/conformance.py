@@ -176,7 +176,7 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
         raise InputError(
             f"the file exists and is not a sheet without answers: {fault}; give another name"
         ) from None
-    if given := len(answers.by_id) + len(answers.unknown):
+    if given := len(answers.by_id) + len(answers.unknown_ids):
         raise InputError(
             f"{target} has {given} answers: give the questions another name, or remove it"
         )
@@ -265,12 +265,12 @@ def run(
         interview = Interview(talk, store, from_)
 
         def keep() -> None:
-            if folder is not None and interview.rows:
-                write_text(folder / "answers.jsonl", interview.sheet())
+            if folder is not None and interview.answer_rows:
+                write_text(folder / "answers.jsonl", interview.answers_as_json_lines())
 
         with clean_up_on_ctrl_c(keep), output.progress(len(asked)) as advance:
             try:
-                interview.conduct(asked, first, advance)
+                interview.ask_all(asked, first, advance)
             finally:
                 keep()
         interview.finish()
@@ -285,7 +285,7 @@ def run(
         "program_remarks": interview.remarks(),
     }
     source = printable(" ".join(Path(word).name for word in command))[:60]
-    answers, broke_off = interview.answers(), interview.broke_off
+    answers, broke_off = interview.answers(), interview.break_off_reason
     return wanted.report(
         output, store, asked, interview.grades, answers, source, broke_off, **timing
     )
@@ -336,15 +336,15 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
     Raises:
         InputError: If the sheet cannot be read, or none of its ids is a question.
     """
-    from tippedisk_verify.conformance.sheet import read_answers, store_for
+    from tippedisk_verify.conformance.sheet import read_answers, store_for_sheet
     from tippedisk_verify.reference_values.store import load_store
 
-    store = store_for(Path(file), load_store(), advance)
+    store = store_for_sheet(Path(file), load_store(), advance)
     answers = read_answers(Path(file), store, reading)
-    if answers.unknown and not answers.by_id:
+    if answers.unknown_ids and not answers.by_id:
         raise InputError(
             f"{printable(Path(file).name)}: none of its ids is a question (the first is "
-            f"{answers.unknown[0][:80]}): "
+            f"{answers.unknown_ids[0][:80]}): "
             "`conformance questions` writes a sheet with the right ids"
         )
     return answers, store
@@ -431,8 +431,10 @@ class _RequestedOutput:
             short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(
                 broke_off
             )
-        mended = sorted(expectable & {grade.id for grade in grades if not grade.failed})
-        report = Report(source, answers, grades, levels, diagnoses, short, mended, **more)
+        unexpected_passes = sorted(expectable & {grade.id for grade in grades if not grade.failed})
+        report = Report(
+            source, answers, grades, levels, diagnoses, short, unexpected_passes, **more
+        )
         if self.page is not None:
             write_text(self.page, html_page(report))
         if self.table is not None:

@@ -17,8 +17,8 @@ from tippedisk_verify.reference_values.store import Store, is_optional
 __all__ = ["GradeChange", "badge", "expected_failures", "grade_changes", "shortcomings"]
 
 _MAX_LIST_BYTES = 4_000_000  # bytes of a list of expected failures
-_LOST_DIGITS = 1.0  # digits that count as a change
-_ROUNDING = 14.0  # digits beyond which doubles differ by rounding alone
+_MIN_DIGIT_CHANGE = 1.0  # digits that count as a change
+_MAX_DOUBLE_DIGITS = 14.0  # digits beyond which doubles differ by rounding alone
 _COLOURS = {"passes": "#2e7d32", "partly": "#9a6700", "fails": "#b3261e"}
 
 
@@ -63,11 +63,11 @@ def shortcomings(
         expected: The ids of answers that may fail.
     """
     reasons = []
-    wanted = (
+    required_levels = (
         [level.level for level in levels if level.answered] if required is None else list(required)
     )
     by_level = {level.level: level for level in levels}
-    for number in wanted:
+    for number in required_levels:
         level = by_level.get(number)
         if level is None or not level.answered:
             reasons.append(f"level {number} is required, and was not answered")
@@ -107,24 +107,26 @@ class GradeChange:
             return "added" if self.old is None else "gone"
         if self.old.failed != self.new.failed:
             return "mended" if self.old.failed else "broken"
-        lost = _counted(self.old) - _counted(self.new)
-        return "lost" if lost >= _LOST_DIGITS else "gained" if lost <= -_LOST_DIGITS else ""
+        lost = _comparable_digits(self.old) - _comparable_digits(self.new)
+        return (
+            "lost" if lost >= _MIN_DIGIT_CHANGE else "gained" if lost <= -_MIN_DIGIT_CHANGE else ""
+        )
 
     def to_dict(self) -> dict[str, Any]:
         return {
             "id": self.id,
             "change": self.kind,
-            "old_digits": _shown(self.old),
-            "new_digits": _shown(self.new),
+            "old_digits": _digits_for_json(self.old),
+            "new_digits": _digits_for_json(self.new),
         }
 
 
-def _counted(grade: Grade) -> float:
+def _comparable_digits(grade: Grade) -> float:
     digits = grade.digits if math.isfinite(grade.digits) and grade.verdict != "no-truth" else 0.0
-    return min(digits, _ROUNDING) if grade.reading == "doubles" else digits
+    return min(digits, _MAX_DOUBLE_DIGITS) if grade.reading == "doubles" else digits
 
 
-def _shown(grade: Grade | None) -> float | None:
+def _digits_for_json(grade: Grade | None) -> float | None:
     return round(grade.digits, 1) if grade is not None and math.isfinite(grade.digits) else None
 
 

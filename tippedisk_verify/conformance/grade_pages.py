@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 __all__ = ["Report", "html_page", "print_report"]
 
 # The colours of the verdicts on answers and levels. A verdict without a colour is not graded.
-_SHADES = {
+_COLOURS_OF_VERDICTS = {
     **dict.fromkeys(("exact", "agrees", "rounding", "partial"), "enough"),
     **dict.fromkeys(("few-digits", "too few digits"), "few"),
     **dict.fromkeys(("wrong", "not-a-number", "unreadable", "fails"), "wrong"),
 }
-_TERMINAL = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
+_TERMINAL_STYLES = {"enough": "green", "few": "yellow", "wrong": "bold red", "": "dim"}
 # The meanings of the colours, in the order of the page's legend.
 _LEGEND = {
     "enough": "enough digits for the question",
@@ -102,12 +102,12 @@ class Report(Printable):
         answers = count_text(first.answered, "answer", "answers")
         how = (
             "is the first with too few digits"
-            if first.too_few == first.failed
+            if first.too_few_digits == first.failed
             else "is the first that fails"
         )
         few = (
-            f", {first.too_few} of them with too few digits only"
-            if 0 < first.too_few < first.failed
+            f", {first.too_few_digits} of them with too few digits only"
+            if 0 < first.too_few_digits < first.failed
             else ""
         )
         return f"level {first.level}, {first.name}, {how}: {first.failed} of {answers}{few}"
@@ -125,22 +125,22 @@ class Report(Printable):
         ungraded = sum(grade.verdict == "no-truth" for grade in self.grades)
         remarks = list(self.program_remarks)
         remarks += _remark(
-            answers.undeclared,
+            answers.without_reading,
             "answer does",
             "answers do",
             "not say from which inputs; graded as from doubles",
         )
-        remarks += _remark(answers.unknown, "unknown id,", "unknown ids,", "such as {}")
+        remarks += _remark(answers.unknown_ids, "unknown id,", "unknown ids,", "such as {}")
         remarks += _remark(
-            answers.repeated,
+            answers.repeated_ids,
             "id",
             "ids",
             "answered more than once, such as {}; the first answer counts",
         )
         lost = "not ask what the id stands for, such as {}: is the sheet damaged?"
-        remarks += _remark(answers.altered_entries, "row does", "rows do", lost)
+        remarks += _remark(answers.altered_rows, "row does", "rows do", lost)
         remarks += _remark(
-            answers.missing,
+            answers.missing_entries,
             "entry has",
             "entries have",
             "NaN or NA only, such as {}: counted as not answered",
@@ -151,8 +151,8 @@ class Report(Printable):
             "columns or names are",
             "not known, and not read: {all}",
         )
-        remarks += self._unread()
-        remarks += self._tolerance()
+        remarks += self._unreadable_remarks()
+        remarks += self._tolerance_remarks()
         remarks += _remark(
             self.unexpected_passes,
             "answer passes",
@@ -166,7 +166,7 @@ class Report(Printable):
         doubles = "from doubles where doubles cannot tell the inputs apart: not graded"
         return remarks + _remark(ungraded, "answer", "answers", doubles)
 
-    def _unread(self) -> list[str]:
+    def _unreadable_remarks(self) -> list[str]:
         """Return remarks on answers that are not numbers, one for each reason, with the first such
         answer.
 
@@ -189,7 +189,7 @@ class Report(Printable):
             else []
         )
 
-    def _tolerance(self) -> list[str]:
+    def _tolerance_remarks(self) -> list[str]:
         """Return remarks on levels at which a program's integration tolerance seems to limit its
         digits.
 
@@ -197,7 +197,7 @@ class Report(Printable):
         """
         remarks = []
         for level in self.levels:
-            if level.level < 6 or level.failed > level.too_few:
+            if level.level < 6 or level.failed > level.too_few_digits:
                 continue
             level_grades = [grade for grade in self.grades if grade.level == level.level]
             off = [
@@ -245,13 +245,13 @@ class Report(Printable):
             "diagnoses": [diagnosis.to_dict() for diagnosis in self.diagnoses],
             "shortcomings": list(self.shortcomings),
             "remarks": self.remarks(),
-            "unknown": self.answers.unknown,
-            "repeated": self.answers.repeated,
+            "unknown": self.answers.unknown_ids,
+            "repeated": self.answers.repeated_ids,
             "grades": [grade.to_dict() for grade in self.grades],
             **({"seconds": seconds} if self.start_up is not None else {}),
         }
 
-    def worst(self) -> list[Grade]:
+    def worst_answers(self) -> list[Grade]:
         """Return up to twelve failed answers, by level, then by digits, fewest first."""
         return sorted(self.failed, key=lambda grade: (grade.level, grade.digits))[:_LISTED_FAILURES]
 
@@ -290,10 +290,10 @@ def colour_of(verdict: str) -> str:
     Args:
         verdict: The verdict on an answer or on a level.
     """
-    return _SHADES.get(verdict, "")
+    return _COLOURS_OF_VERDICTS.get(verdict, "")
 
 
-def shown_digits(digits: float) -> str:
+def digits_text(digits: float) -> str:
     """Return a number of digits as text with one decimal, never "-0.0"; "" if it is not finite.
 
     Args:
@@ -302,14 +302,14 @@ def shown_digits(digits: float) -> str:
     return f"{round(digits, 1) + 0.0:.1f}" if math.isfinite(digits) else ""
 
 
-def shown_least(tally: Tally) -> str:
+def least_digits_text(tally: Tally) -> str:
     """Return the least number of digits in a tally of answers as text; "none" if one of its answers
     is not a number.
 
     Args:
         tally: The tally of the level or the quantity.
     """
-    return "none" if tally.not_numbers else shown_digits(tally.least_digits)
+    return "none" if tally.not_numbers else digits_text(tally.least_digits)
 
 
 def split_where_wrong(answer: str, truth: str) -> tuple[str, str]:
@@ -340,16 +340,21 @@ def print_report(report: Report, console: Console) -> None:
     from rich.text import Text
 
     def coloured(text: str, verdict: str) -> Text:
-        return Text(text, style=_TERMINAL[colour_of(verdict)])
+        return Text(text, style=_TERMINAL_STYLES[colour_of(verdict)])
 
     def row(tally: Tally, *about: str) -> list[Any]:
-        least = coloured(shown_least(tally), tally.verdict)
-        return [*about, least, str(tally.failed - tally.too_few or ""), str(tally.too_few or "")]
+        least = coloured(least_digits_text(tally), tally.verdict)
+        return [
+            *about,
+            least,
+            str(tally.failed - tally.too_few_digits or ""),
+            str(tally.too_few_digits or ""),
+        ]
 
     rows = [
         [
             *row(level, f"{level.level} {level.name}", f"{level.answered}/{level.asked}"),
-            shown_digits(level.median_digits),
+            digits_text(level.median_digits),
             str(DIGITS_REQUIRED[level.level]),
             coloured(level.verdict, level.verdict),
         ]
@@ -377,9 +382,9 @@ def print_report(report: Report, console: Console) -> None:
         console.print(Text(f"note: {remark}"))
     if report.failed:
         console.print(Text("\nleast digits", style="italic"))
-    for grade in report.worst():
+    for grade in report.worst_answers():
         right, wrong = split_where_wrong(grade.answer[:40], grade.truth)
-        has = f"{shown_digits(grade.digits)} digits" if grade.truth else grade.note
+        has = f"{digits_text(grade.digits)} digits" if grade.truth else grade.note
         console.print(
             Text(f"{grade.id}: ").append(coloured(grade.verdict, grade.verdict)).append(f", {has}")
         )
@@ -435,8 +440,8 @@ def html_page(report: Report) -> str:
     return render(
         "tippedisk_verify.conformance",
         "grades.html",
-        digits=shown_digits,
-        least=shown_least,
+        digits=digits_text,
+        least=least_digits_text,
         report=report,
         levels=[_level_section(level, report.grades) for level in report.levels],
         quantities=report.quantities,

@@ -21,27 +21,27 @@ from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.reference_values.grading_rules import (
-    ROUNDING,
+    ROUNDING_CHANGE,
     digits_needed,
     scale_of,
-    slopes_of,
     split_name,
+    worst_case_sensitivity,
 )
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.store import (
     Reading,
     ReferenceValue,
     is_optional,
-    optional_beside,
+    optional_ids_of_state,
 )
 
 __all__ = [
     "LEVEL_NAMES",
     "Grade",
     "Tally",
+    "agreeing_digits",
     "answer_text",
     "compare",
-    "digits_between",
     "grade_answers",
     "tally_levels",
     "tally_quantities",
@@ -128,7 +128,7 @@ class Tally(Printable):
     asked: int
     answered: int
     failed: int
-    too_few: int  #: failed answers that only have too few digits
+    too_few_digits: int  #: failed answers that only have too few digits
     within_rounding: int  #: answers with an error that rounding the inputs explains
     not_numbers: int  #: failed answers that are not numbers
     least_digits: float  #: the least digits of the numbers; NaN if no answer is a number
@@ -155,7 +155,7 @@ class Tally(Printable):
             asked=asked,
             answered=len(grades),
             failed=sum(grade.failed for grade in grades),
-            too_few=sum(grade.verdict == "few-digits" for grade in grades),
+            too_few_digits=sum(grade.verdict == "few-digits" for grade in grades),
             within_rounding=sum(grade.verdict == "rounding" for grade in grades),
             not_numbers=sum(grade.digits == -math.inf for grade in grades),
             least_digits=min(digits, default=math.nan),
@@ -177,7 +177,7 @@ class Tally(Printable):
         if not self.answered:
             return "not answered"
         if self.failed:
-            return "too few digits" if self.too_few == self.failed else "fails"
+            return "too few digits" if self.too_few_digits == self.failed else "fails"
         return "agrees" if self.answered == self.asked else "partial"
 
     def to_dict(self) -> dict[str, Any]:
@@ -185,7 +185,7 @@ class Tally(Printable):
             None if math.isnan(digits) else round(digits, 1)
             for digits in (self.least_digits, self.median_digits)
         )
-        counts = {"failed": self.failed, "too_few_digits": self.too_few}
+        counts = {"failed": self.failed, "too_few_digits": self.too_few_digits}
         if self.quantity:
             about = {"level": self.level, "quantity": self.quantity, "friction": self.friction}
             return about | {"answered": self.answered} | counts | {"least_digits": least}
@@ -203,27 +203,27 @@ class Tally(Printable):
         )
 
 
-def digits_between(
-    answer: Decimal, truth: Decimal, scale: Decimal, most: float = math.inf
+def agreeing_digits(
+    answer: Decimal, truth: Decimal, scale: Decimal, max_digits: float = math.inf
 ) -> float:
     """Return the number of digits to which an answer agrees with the truth.
 
-    It is -log10(|answer - truth| / scale), between -99 and ``most``.
+    It is -log10(|answer - truth| / scale), between -99 and ``max_digits``.
 
     Args:
         answer: The answer.
         truth: The true value.
         scale: The size relative to which the error is counted.
-        most: The maximum number of digits, and the result for an exact answer.
+        max_digits: The maximum number of digits, and the result for an exact answer.
     """
-    away = abs(answer - truth)
-    if not away:
-        return most
+    error = abs(answer - truth)
+    if not error:
+        return max_digits
     if not scale:
         return 0.0
-    share = away / scale
+    share = error / scale
     near = share.adjusted() + math.log10(float(share.scaleb(-share.adjusted())))
-    return min(max(0.0 - near, -99.0), most)
+    return min(max(0.0 - near, -99.0), max_digits)
 
 
 def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list[Grade]:
@@ -233,7 +233,7 @@ def grade_answers(answers: Answers, store: Mapping[str, ReferenceValue]) -> list
         answers: The answers of a sheet.
         store: The questions with their truths.
     """
-    ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_beside(id_)))
+    ids = dict.fromkeys(one for id_ in store for one in (id_, *optional_ids_of_state(id_)))
     with decimal_arithmetic():
         return [_grade(store[id_], *answers.by_id[id_]) for id_ in ids if id_ in answers.by_id]
 
@@ -275,26 +275,29 @@ def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
         )
     truth, uncertainty = Decimal(value[0]), Decimal(value[1])
     scale = scale_of(reference_value, truth)
-    most = digits_between(truth + uncertainty, truth, scale, 120.0)
-    digits = digits_between(answer, truth, scale, most)
-    away = abs(answer - truth)
+    max_digits = agreeing_digits(truth + uncertainty, truth, scale, 120.0)
+    digits = agreeing_digits(answer, truth, scale, max_digits)
+    error = abs(answer - truth)
     half_unit = Decimal(5).scaleb(int(answer.as_tuple().exponent) - 1)
     verdict, note = "wrong", ""
-    slopes = slopes_of(reference_value)
-    close = digits >= min(most, needs)
-    if close and (away <= uncertainty + half_unit or _nearest_double(answer, truth)):
+    slopes = worst_case_sensitivity(reference_value)
+    close = digits >= min(max_digits, needs)
+    if close and (error <= uncertainty + half_unit or _is_nearest_double(answer, truth)):
         verdict = "exact"
     elif digits >= needs:
         verdict = "agrees"
-    elif digits >= _MIN_DIGITS and away <= slopes * Decimal(ROUNDING):
-        verdict, note = "rounding", "as far off as rounding the inputs to doubles makes it"
+    elif digits >= _MIN_DIGITS and error <= slopes * Decimal(ROUNDING_CHANGE):
+        verdict, note = (
+            "rounding",
+            "as far off as rounding the inputs to doubles makes it",
+        )
     elif digits >= _IMPRECISE_SHARE * needs:
         verdict = "few-digits"
     if reading == "decimals" and verdict != "exact" and "doubles" in reference_value.values:
         other, width = (Decimal(part) for part in reference_value.values["doubles"])
         if abs(answer - other) <= width + half_unit:
             note = "the exact answer from doubles: the inputs were rounded"
-    off = float(away / slopes) if slopes else math.nan
+    as_input_change = float(error / slopes) if slopes else math.nan
     return Grade(
         reference_value.id,
         reference_value.level,
@@ -305,11 +308,11 @@ def _grade(reference_value: ReferenceValue, reading: str, text: str) -> Grade:
         value[0],
         note,
         needs,
-        off,
+        as_input_change,
     )
 
 
-def _nearest_double(answer: Decimal, truth: Decimal) -> bool:
+def _is_nearest_double(answer: Decimal, truth: Decimal) -> bool:
     """Return True if an answer is the double nearest to the truth, written with 16 or 17 digits.
 
     The seventeenth digit of such a double may differ from the truth's.

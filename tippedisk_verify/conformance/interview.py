@@ -14,8 +14,8 @@ from tippedisk_verify.conformance.grading import Grade, grade_answers
 from tippedisk_verify.conformance.sheet import (
     Answers,
     Row,
-    answer_line,
     collect_answers,
+    parse_answer_line,
     question_row,
 )
 from tippedisk_verify.dialogue import Program
@@ -37,22 +37,23 @@ class Interview:
 
     def __init__(self, program: Program, store: Store, reading: str | None = None) -> None:
         self.program = program
-        self.rows: list[Row] = []  #: its answers to the questions, in its order
+        self.answer_rows: list[Row] = []  #: its answers to the questions, in its order
         self.grades: list[Grade] = []
         self.start_up: float | None = None  #: [s] until the first answer
-        self.broke_off = ""  #: why not all questions were asked
+        self.break_off_reason = ""  #: why not all questions were asked
         self._store, self._reading = store, reading
-        self._asked: set[str] = set()
-        self._counted: set[str] = set()
-        self._open: dict[str, None] = {}
-        self._got: list[Row] = []
-        self._noted: dict[str, tuple[int, str]] = {}  # other output: how often, and the first
-        self._times: list[
+        self._asked_ids: set[str] = set()
+        self._counted_ids: set[str] = set()
+        self._unanswered_ids: dict[str, None] = {}
+        self._received: list[Row] = []
+        # Other output by what it is: how often, and the first
+        self._other_output: dict[str, tuple[int, str]] = {}
+        self._timings: list[
             tuple[ReferenceValue, int, float]
         ] = []  # question, answers, seconds, by entry
-        self._end = ""
+        self._abnormal_end = ""
 
-    def exchange(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
+    def ask(self, questions: Iterable[Mapping[str, str]]) -> tuple[list[Row], float]:
         """Ask the program several questions together, and wait for its answers.
 
         Args:
@@ -61,25 +62,28 @@ class Interview:
         Returns:
             The answers, fewer if the program breaks off, and the seconds until the last one.
         """
-        self._got = []
-        if self.broke_off:
+        self._received = []
+        if self.break_off_reason:
             return [], math.nan
         rows = list(questions)
-        self._open = dict.fromkeys(row["id"] for row in rows)
-        self._asked |= self._open.keys()
+        self._unanswered_ids = dict.fromkeys(row["id"] for row in rows)
+        self._asked_ids |= self._unanswered_ids.keys()
         begin = time.perf_counter()
-        self.broke_off = self.program.ask(
-            "".join(json.dumps(row) + "\n" for row in rows), self._open, self._take
+        self.break_off_reason = self.program.ask(
+            "".join(json.dumps(row) + "\n" for row in rows),
+            self._unanswered_ids,
+            self._receive_line,
         )
         seconds = time.perf_counter() - begin
-        if self.broke_off:
-            before = len(self._got)
-            self.program.finish(self._take)
-            if len(self._got) > before:
-                self.broke_off += "; answers came when its input had ended: it must flush its output after each line"
-        return self._got, seconds
+        if self.break_off_reason:
+            before = len(self._received)
+            self.program.finish(self._receive_line)
+            if len(self._received) > before:
+                late = "; answers came when its input had ended: it must flush its output after each line"
+                self.break_off_reason += late
+        return self._received, seconds
 
-    def conduct(
+    def ask_all(
         self,
         asked_questions: Sequence[ReferenceValue],
         first: ReferenceValue,
@@ -98,24 +102,24 @@ class Interview:
         Raises:
             InputError: If the program breaks off before it has answered anything.
         """
-        self._counted = {quantity.id for quantity in asked_questions}
-        opening, _ = self.exchange([question_row(self._store, first)])
-        if not opening:
-            raise InputError(self.program.end_reason(self.broke_off))
+        self._counted_ids = {quantity.id for quantity in asked_questions}
+        first_answers, _ = self.ask([question_row(self._store, first)])
+        if not first_answers:
+            raise InputError(self.program.end_reason(self.break_off_reason))
         self.start_up = time.perf_counter() - self.program.begun
         failed = 0
         for _, group in groupby(
             asked_questions, key=lambda quantity: quantity.id.rsplit("/", 1)[0]
         ):
             questions = {quantity.id: quantity for quantity in group}
-            mine = [row for row in opening if row[0] in questions]
-            got, seconds = self.exchange(
+            mine = [row for row in first_answers if row[0] in questions]
+            got, seconds = self.ask(
                 question_row(self._store, question)
                 for question in questions.values()
                 if question.id != first.id
             )
-            if (answered := sum(bool(row[2]) for row in got)) and not self.broke_off:
-                self._times.append((next(iter(questions.values())), answered, seconds))
+            if (answered := sum(bool(row[2]) for row in got)) and not self.break_off_reason:
+                self._timings.append((next(iter(questions.values())), answered, seconds))
             answers = collect_answers([*mine, *got], self._store, self._reading, Answers())
             grades = grade_answers(
                 answers, {id_: self._store[id_] for id_ in questions if id_ in answers.by_id}
@@ -126,27 +130,28 @@ class Interview:
             advance(
                 f"level {level}: {len(self.grades)} graded, {failed} of them fail", len(questions)
             )
-            if self.broke_off:
+            if self.break_off_reason:
                 break
 
     def finish(self) -> None:
         """Close the program's input, so that it ends, and keep a remark on an abnormal end."""
-        if not self.broke_off:
-            self._end = self.program.finish(self._take)
+        if not self.break_off_reason:
+            self._abnormal_end = self.program.finish(self._receive_line)
 
     def answers(self) -> Answers:
         """Return all answers that the program has given so far to the questions that count, even if
         it broke off.
         """
-        return collect_answers(self.rows, self._store, self._reading, Answers())
+        return collect_answers(self.answer_rows, self._store, self._reading, Answers())
 
-    def sheet(self) -> str:
+    def answers_as_json_lines(self) -> str:
         """Return the program's answers as lines of JSON, as `conformance grade` reads them.
 
         Each line is an object with the keys id, from and answer.
         """
         return "".join(
-            json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n" for row in self.rows
+            json.dumps({"id": row[0], "from": row[1], "answer": row[2]}) + "\n"
+            for row in self.answer_rows
         )
 
     def times(self) -> list[dict[str, Any]]:
@@ -156,7 +161,7 @@ class Interview:
         the last part. An entry without an answer other than null does not count.
         """
         kinds: dict[tuple[int, str], list[tuple[ReferenceValue, int, float]]] = {}
-        for timing in self._times:
+        for timing in self._timings:
             kinds.setdefault((timing[0].level, timing[0].kind), []).append(timing)
         return [
             {
@@ -176,27 +181,32 @@ class Interview:
         """Return remarks on what the program did apart from answering, such as other lines that it
         wrote.
         """
-        remarks = [self.broke_off or self._end]
+        remarks = [self.break_off_reason or self._abnormal_end]
         remarks += [
-            f"{what}: {count}, the first {first}" for what, (count, first) in self._noted.items()
+            f"{what}: {count}, the first {first}"
+            for what, (count, first) in self._other_output.items()
         ]
         return [remark for remark in remarks if remark]
 
-    def _take(self, line: str) -> None:
-        row = answer_line(line)
+    def _receive_line(self, line: str) -> None:
+        row = parse_answer_line(line)
         if row is None:
             if line.strip():
-                self._note("lines that are not answers", repr(printable(line.strip()[:80])))
-        elif row[0] in self._open:
-            del self._open[row[0]]
-            self._got.append(row)
-            if row[0] in self._counted:
-                self.rows.append(row)
-        elif row[0] in self._asked:
-            self._note("second answers, which do not count", printable(row[0][:120]))
+                self._note_other_output(
+                    "lines that are not answers", repr(printable(line.strip()[:80]))
+                )
+        elif row[0] in self._unanswered_ids:
+            del self._unanswered_ids[row[0]]
+            self._received.append(row)
+            if row[0] in self._counted_ids:
+                self.answer_rows.append(row)
+        elif row[0] in self._asked_ids:
+            self._note_other_output("second answers, which do not count", printable(row[0][:120]))
         else:
-            self._note("answers to questions that were not asked", printable(row[0][:120]))
+            self._note_other_output(
+                "answers to questions that were not asked", printable(row[0][:120])
+            )
 
-    def _note(self, what: str, which: str) -> None:
-        count, first = self._noted.get(what, (0, which))
-        self._noted[what] = count + 1, first
+    def _note_other_output(self, what: str, which: str) -> None:
+        count, first = self._other_output.get(what, (0, which))
+        self._other_output[what] = count + 1, first

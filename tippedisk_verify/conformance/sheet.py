@@ -37,23 +37,24 @@ from tippedisk_verify.reference_values.store import (
     Store,
     definition_of,
     is_optional,
-    optional_beside,
+    optional_ids_of_state,
 )
 
 __all__ = [
     "Answers",
     "Row",
-    "answer_line",
     "collect_answers",
+    "parse_answer_line",
     "question_row",
     "questions",
     "read_answers",
     "sheet_csv",
     "sheet_json",
-    "store_for",
+    "store_for_sheet",
 ]
 
-_QUESTION = QUESTION_COLUMNS[1:-2]  # the columns that describe the question, apart from the id
+# The columns that describe the question, apart from the id
+_DESCRIPTION_COLUMNS = QUESTION_COLUMNS[1:-2]
 Row = tuple[str, str, str, dict[str, str]]  #: id, reading, answer, and the other columns of the row
 # bytes; a sheet with every question and fifty digits each is about ten million long
 _MAX_SHEET_BYTES = 64_000_000
@@ -61,7 +62,7 @@ _MAX_ANSWER = 2_000  # characters of an answer
 _MAX_UNKNOWN = 1_000
 _READINGS = ("decimals", "doubles")
 _SEPARATORS = ("\t", ";", ",")
-_DECLARED = re.compile(
+_SEPARATOR_LINE = re.compile(
     r"sep=([^\"\s]|\t)", re.IGNORECASE
 )  # the first line with which a spreadsheet declares its separator
 _JSON_NAMES = ("format", "from", "questions", "answers")
@@ -76,15 +77,15 @@ class Answers:
 
     by_id: dict[str, tuple[str, str]] = field(default_factory=dict)
     sets: set[str] = field(default_factory=set)  #: parameter sets of the questions, answered or not
-    unknown: list[str] = field(default_factory=list)  #: ids that belong to no question
+    unknown_ids: list[str] = field(default_factory=list)  #: ids that belong to no question
     #: Ids answered more than once; the first answer counts
-    repeated: list[str] = field(default_factory=list)
+    repeated_ids: list[str] = field(default_factory=list)
     #: Rows whose columns are not those of the question: id, column
-    altered_entries: list[str] = field(default_factory=list)
-    undeclared: int = 0  #: answers that do not name their inputs; taken as from doubles
+    altered_rows: list[str] = field(default_factory=list)
+    without_reading: int = 0  #: answers that do not name their inputs; taken as from doubles
     short_rows: int = 0  #: rows that end before the column answer
     #: Entries with answers of NaN or NA only; not answered
-    missing: list[str] = field(default_factory=list)
+    missing_entries: list[str] = field(default_factory=list)
     #: columns that no sheet has, each with the one that may be meant
     unknown_names: list[str] = field(default_factory=list)
 
@@ -139,7 +140,7 @@ def _optional_questions(reference_value: ReferenceValue) -> list[ReferenceValue]
     [] for other questions.
     """
     blank = replace(reference_value, values=dict.fromkeys(reference_value.values, ("", "")))
-    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_beside(reference_value.id)]
+    names = [(id_, id_.rsplit("/", 1)[1]) for id_ in optional_ids_of_state(reference_value.id)]
     return [
         replace(blank, id=id_, name=name, unit=definition_of("rhs", name).unit)
         for id_, name in names
@@ -184,7 +185,7 @@ def sheet_json(store: Store, asked_questions: Iterable[ReferenceValue]) -> str:
     return '{"format": 1, "from": "", "questions": [\n' + ",\n".join(lines) + "\n]}\n"
 
 
-def store_for(
+def store_for_sheet(
     path: Path, store: Store, advance: Callable[[str, int], None] = lambda label, steps: None
 ) -> Store:
     """Return the store of questions, extended by the truths of the fresh questions that a sheet
@@ -230,7 +231,7 @@ def read_answers(path: Path, store: Store, default_reading: str | None = None) -
         raise InputError(f"{printable(path.name)}: {fault}") from None
 
 
-def answer_line(line: str) -> Row | None:
+def parse_answer_line(line: str) -> Row | None:
     """Read one line of JSON that a program has written, and return the answer in it; None if it
     gives no answer.
 
@@ -248,7 +249,7 @@ def answer_line(line: str) -> Row | None:
 
 
 def _json_row(row: dict[str, Any], reading: str) -> Row:
-    asked = {name: _as_text(row[name]) for name in _QUESTION if name in row}
+    asked = {name: _as_text(row[name]) for name in _DESCRIPTION_COLUMNS if name in row}
     return _as_text(row["id"]), reading, _as_text(row.get("answer", "")), asked
 
 
@@ -257,7 +258,7 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
         unique: dict[str, Any] = {}
         for name, value in pairs:
             if name in unique:
-                answers.repeated.append(printable(name)[:200])
+                answers.repeated_ids.append(printable(name)[:200])
             else:
                 unique[name] = value
         return unique
@@ -284,18 +285,18 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
     if isinstance(content, dict) and "id" in content:
         content = [content]
     named = content if isinstance(content, dict) else {"questions": content}
-    everywhere = named.get("from", "")
-    flat = "questions" not in named and any("/" in name for name in named)
-    if not flat:
-        _note_strange(named, _JSON_NAMES, answers)
-    given = (
+    common_reading = named.get("from", "")
+    is_id_mapping = "questions" not in named and any("/" in name for name in named)
+    if not is_id_mapping:
+        _note_unknown_names(named, _JSON_NAMES, answers)
+    answers_by_id = (
         {name: value for name, value in named.items() if name != "from"}
-        if flat
+        if is_id_mapping
         else named.get("answers")
     )
-    if isinstance(given, dict):
-        for id_, answer in given.items():
-            yield id_, _as_text(everywhere), _as_text(answer), {}
+    if isinstance(answers_by_id, dict):
+        for id_, answer in answers_by_id.items():
+            yield id_, _as_text(common_reading), _as_text(answer), {}
         return
     rows = named.get("questions")
     if not isinstance(rows, list):
@@ -307,8 +308,8 @@ def _json_rows(text: str, answers: Answers) -> Iterable[Row]:
         if not isinstance(row, dict) or "id" not in row:
             has = f"; one has {_names_text(row, VALUES_COLUMNS)}" if isinstance(row, dict) else ""
             raise InputError(f'each question of a JSON sheet has an "id"{has}')
-        _note_strange(row, VALUES_COLUMNS, answers)
-        yield _json_row(row, _as_text(row.get("from", "") or everywhere))
+        _note_unknown_names(row, VALUES_COLUMNS, answers)
+        yield _json_row(row, _as_text(row.get("from", "") or common_reading))
 
 
 def _as_text(value: Any) -> str:
@@ -319,14 +320,14 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
     if "\0" in text:
         raise InputError("neither a CSV nor a JSON sheet: it holds NUL characters")
     first, _, rest = text.partition("\n")
-    declared = _DECLARED.fullmatch(first.strip('\r" '))
-    mark = declared[1] if declared else _separator(first)
+    declared = _SEPARATOR_LINE.fullmatch(first.strip('\r" '))
+    separator = declared[1] if declared else _separator(first)
     table = csv.reader(
-        io.StringIO(rest if declared else text, newline=""), delimiter=mark, strict=True
+        io.StringIO(rest if declared else text, newline=""), delimiter=separator, strict=True
     )
     try:
         header = [name.strip() for name in next(table, [])]
-        _note_strange(header, VALUES_COLUMNS, answers)
+        _note_unknown_names(header, VALUES_COLUMNS, answers)
         if "id" not in header or "answer" not in header:
             raise InputError(
                 "neither a CSV nor a JSON sheet: the first line must name the columns id and "
@@ -334,12 +335,12 @@ def _csv_rows(text: str, answers: Answers) -> Iterable[Row]:
                 f"commas, semicolons or tabs; it has {_names_text(header, VALUES_COLUMNS)}"
             )
         # Single columns of such names may be the user's own.
-        asked = _QUESTION if set(_QUESTION) <= set(header) else ()
+        asked = _DESCRIPTION_COLUMNS if set(_DESCRIPTION_COLUMNS) <= set(header) else ()
         for row in table:
             if len(row) > len(header):
                 line, more = (
                     table.line_num + bool(declared),
-                    ": is there a decimal comma?" if mark == "," else "",
+                    ": is there a decimal comma?" if separator == "," else "",
                 )
                 raise InputError(
                     f"line {line} has {len(row)} fields, the header {len(header)}{more}"
@@ -366,15 +367,17 @@ def _separator(header: str) -> str:
     does.
     """
 
-    def columns(mark: str) -> set[str]:
-        return {name.strip('\r" ').lower() for name in header.split(mark)}
+    def columns(separator: str) -> set[str]:
+        return {name.strip('\r" ').lower() for name in header.split(separator)}
 
-    return next((mark for mark in _SEPARATORS if {"id", "answer"} <= columns(mark)), ",")
+    return next(
+        (separator for separator in _SEPARATORS if {"id", "answer"} <= columns(separator)), ","
+    )
 
 
-def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
+def _note_unknown_names(names: Iterable[str], known: tuple[str, ...], answers: Answers) -> None:
     for name in names:
-        message = "" if not name or name in known else _with_likely(name, known)
+        message = "" if not name or name in known else _name_with_suggestion(name, known)
         if (
             message
             and message not in answers.unknown_names
@@ -384,7 +387,7 @@ def _note_strange(names: Iterable[str], known: tuple[str, ...], answers: Answers
 
 
 @lru_cache(maxsize=256)
-def _with_likely(name: str, known: tuple[str, ...]) -> str:
+def _name_with_suggestion(name: str, known: tuple[str, ...]) -> str:
     """Return a name in quotes, followed by the known name that may be meant, if there is one.
 
     The two names differ in few letters, or only in upper and lower case.
@@ -401,7 +404,9 @@ def _names_text(names: Iterable[str], known: tuple[str, ...]) -> str:
     A likely meant name follows each that is not known.
     """
     return (
-        ", ".join(_with_likely(name, known) for name in list(names)[:_MAX_LISTED_NAMES])[:400]
+        ", ".join(_name_with_suggestion(name, known) for name in list(names)[:_MAX_LISTED_NAMES])[
+            :400
+        ]
         or "none"
     )
 
@@ -434,19 +439,19 @@ def collect_answers(
         if not answer:
             continue
         if id_ not in store:
-            if len(answers.unknown) < _MAX_UNKNOWN:
-                answers.unknown.append(id_[:200])
+            if len(answers.unknown_ids) < _MAX_UNKNOWN:
+                answers.unknown_ids.append(id_[:200])
             continue
         if (column := _altered_column(asked, store, store[id_])) is not None:
-            answers.altered_entries.append(f"{id_}, {column}")
+            answers.altered_rows.append(f"{id_}, {column}")
         if id_ in answers.by_id:
-            answers.repeated.append(id_)
+            answers.repeated_ids.append(id_)
             continue
         if not reading:
             reading = default_reading or (
                 "doubles" if "doubles" in store[id_].values else "decimals"
             )
-            answers.undeclared += default_reading is None
+            answers.without_reading += default_reading is None
         if reading not in _READINGS:
             raise InputError(
                 f"{id_}: the column from says decimals or doubles, not '{printable(reading)[:40]}'"
@@ -462,7 +467,8 @@ def _without_missing(answers: Answers) -> Answers:
     """Remove missing answers that do not count from ``answers``, and return it.
 
     If all answers of an entry are missing, the program has not answered it, and the entry is listed
-    in ``answers.missing``. If only some are, these stay and are wrong, except for optional ones.
+    in ``answers.missing_entries``. If only some are, these stay and are wrong, except for optional
+    ones.
     """
     by_entry: dict[str, list[str]] = {}
     for id_ in answers.by_id:
@@ -470,7 +476,7 @@ def _without_missing(answers: Answers) -> Answers:
     for entry, ids in by_entry.items():
         missing = [id_ for id_ in ids if is_missing(answers.by_id[id_][1])]
         if len(missing) == len(ids):
-            answers.missing.append(entry)
+            answers.missing_entries.append(entry)
         else:
             missing = [id_ for id_ in missing if is_optional(id_)]
         for id_ in missing:

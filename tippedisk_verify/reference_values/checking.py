@@ -13,19 +13,24 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.parallel import results_as_completed
-from tippedisk_verify.reference_values.grading_rules import table_row
-from tippedisk_verify.reference_values.manifest import FILES, MANIFEST, faults_in_files, sound_files
-from tippedisk_verify.reference_values.questions import (
+from tippedisk_verify.reference_values.entries import (
+    MeasuredValues,
     Reading,
-    ReferenceQuestion,
-    Values,
+    ReferenceEntry,
     case_of,
     disagreements,
 )
-from tippedisk_verify.reference_values.store import ReferenceValue, Store, table_rows
-from tippedisk_verify.reference_values.truths import compute_again
+from tippedisk_verify.reference_values.grading_rules import values_csv_row
+from tippedisk_verify.reference_values.manifest import (
+    DATA_FILES,
+    MANIFEST,
+    faults_in_files,
+    verified_texts,
+)
+from tippedisk_verify.reference_values.store import ReferenceValue, Store, parse_values_csv
+from tippedisk_verify.reference_values.truths import cross_check_values
 
-__all__ = ["CheckReport", "StoredQuestion", "check", "recompute", "stored_questions"]
+__all__ = ["CheckReport", "StoredEntry", "check", "recompute_and_compare", "stored_entries"]
 
 # Above this level an entry costs seconds: at most a twentieth of a sample.
 _CHEAP_LEVEL = 5
@@ -45,26 +50,26 @@ class CheckReport(Printable):
 
 
 @dataclass(frozen=True)
-class StoredQuestion:
-    """A question of the reference data, with the stored numbers that answer it."""
+class StoredEntry:
+    """An entry of the reference data, with the stored numbers that belong to it."""
 
-    item: ReferenceQuestion
+    entry: ReferenceEntry
     quantities: tuple[ReferenceValue, ...]
 
-    def values(self, reading: Reading) -> Values:
+    def values(self, reading: Reading) -> MeasuredValues:
         """Return the stored numbers for one reading of the inputs, by name."""
         return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
 
 
-def stored_questions(store: Store, prefix: str = "") -> list[StoredQuestion]:
-    """Group the reference values of a store by question.
+def stored_entries(store: Store, prefix: str = "") -> list[StoredEntry]:
+    """Group the reference values of a store by entry.
 
     Args:
         store: The store.
         prefix: The beginning of the ids to include.
 
     Returns:
-        The questions with their stored numbers, in order of difficulty.
+        The entries with their stored numbers, in order of difficulty.
     """
     entries = []
     for id_, group in groupby(
@@ -72,8 +77,8 @@ def stored_questions(store: Store, prefix: str = "") -> list[StoredQuestion]:
     ):
         quantities = tuple(group)
         entries.append(
-            StoredQuestion(
-                ReferenceQuestion(id_, dict(quantities[0].inputs), tuple(quantities[0].values)),
+            StoredEntry(
+                ReferenceEntry(id_, dict(quantities[0].inputs), tuple(quantities[0].values)),
                 quantities,
             )
         )
@@ -93,10 +98,10 @@ def check(
 
     Args:
         folder: The folder.
-        sample: The number of questions to compute again; None for all.
+        sample: The number of entries to compute again; None for all.
         seed: The seed that chooses the sample.
         executor: An executor for the computations; None for this process.
-        advance: A function that is called with an id and 1 after each question.
+        advance: A function that is called with an id and 1 after each entry.
 
     Raises:
         InputError: If the folder holds no reference data, or `sample` is negative.
@@ -112,20 +117,20 @@ def check(
         faults = _faults_in_rows(folder, store)
     except (InputError, AttributeError, ArithmeticError) as fault:
         return CheckReport(
-            len(FILES),
+            len(DATA_FILES),
             0,
             0,
             getattr(fault, "faults", (f"the files are not reference data: {fault}",)),
         )
-    redone = 0
-    for entry, (count, wrong) in results_as_completed(
-        recompute, _chosen(stored_questions(store), sample, seed), executor
+    recomputed = 0
+    for stored, (count, wrong) in results_as_completed(
+        recompute_and_compare, _random_sample(stored_entries(store), sample, seed), executor
     ):
-        redone += count
+        recomputed += count
         faults += wrong
-        advance(entry.item.id, 1)
+        advance(stored.entry.id, 1)
     numbers = sum(len(quantity.values) for quantity in store.values())
-    return CheckReport(len(FILES), numbers, redone, tuple(faults))
+    return CheckReport(len(DATA_FILES), numbers, recomputed, tuple(faults))
 
 
 def _faults_in_rows(folder: Path, store: Store) -> list[str]:
@@ -135,9 +140,9 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     contain the proved enclosure.
     """
     faults = []
-    rows = table_rows(sound_files(folder, ["values.csv"])["values.csv"])
+    rows = parse_values_csv(verified_texts(folder, ["values.csv"])["values.csv"])
     for row, quantity in zip(rows, store.values(), strict=True):
-        derived = table_row(store.parameters[quantity.set], quantity)
+        derived = values_csv_row(store.parameters[quantity.set], quantity)
         faults += [
             f"{quantity.id}: {name} does not follow from the other columns"
             for name, text in derived.items()
@@ -151,33 +156,33 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     return faults
 
 
-def _chosen(entries: list[StoredQuestion], sample: int | None, seed: int) -> list[StoredQuestion]:
+def _random_sample(entries: list[StoredEntry], sample: int | None, seed: int) -> list[StoredEntry]:
     if sample is None:
         return entries
     draw = random.Random(seed)
-    cheap = [entry for entry in entries if entry.quantities[0].level <= _CHEAP_LEVEL]
-    costly = [entry for entry in entries if entry.quantities[0].level > _CHEAP_LEVEL]
+    cheap = [stored for stored in entries if stored.quantities[0].level <= _CHEAP_LEVEL]
+    costly = [stored for stored in entries if stored.quantities[0].level > _CHEAP_LEVEL]
     few = min(len(costly), -(-sample // 20))
     return draw.sample(cheap, min(len(cheap), sample - few)) + draw.sample(costly, few)
 
 
-def recompute(entry: StoredQuestion) -> tuple[int, list[str]]:
-    """Compute the answers to a question again in each of its readings, and compare them with the
+def recompute_and_compare(stored: StoredEntry) -> tuple[int, list[str]]:
+    """Compute the numbers of an entry again in each of its readings, and compare them with the
     stored ones.
 
     Returns:
         How many numbers were computed, and a line for each that excludes the stored one.
     """
     count, faults = 0, []
-    for reading in entry.item.readings:
+    for reading in stored.entry.readings:
         try:
-            answers = compute_again(case_of(entry.item, reading), _DIGITS)
+            answers = cross_check_values(case_of(stored.entry, reading), _DIGITS)
         except (ArithmeticError, RuntimeError, ValueError) as fault:
-            faults.append(f"{entry.item.id} from {reading}: {fault}")
+            faults.append(f"{stored.entry.id} from {reading}: {fault}")
             continue
         count += len(answers)
         faults += [
-            f"{entry.item.id} from {reading}: {line}"
-            for line in disagreements(entry.values(reading), answers)
+            f"{stored.entry.id} from {reading}: {line}"
+            for line in disagreements(stored.values(reading), answers)
         ]
     return count, faults

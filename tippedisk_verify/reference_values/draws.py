@@ -22,7 +22,7 @@ __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
 
 #: The name of a drawn set: its seed and its number.
 DRAWN_SET = re.compile(r"fresh-(0|[1-9][0-9]{0,8})-([1-9][0-9]{0,2})")
-# Least value, greatest value (SI units) and decimal places. A follows from `_RATIO` below.
+# Least value, greatest value (SI units) and decimal places. A follows from `_INERTIA_FACTOR` below.
 _RANGES = {
     "r": ("0.038", "0.052", 4),
     "m": ("0.3", "0.6", 3),
@@ -34,7 +34,7 @@ _RANGES = {
 _ECCENTRICITY = ("0.04", "0.07")  # e / r
 # A / Bbar, divided by the least ratio for which the cycles born at Omega_crit are stable. Close
 # to 1 their family turns round in a fold.
-_RATIO = ("1.05", "1.12")
+_INERTIA_FACTOR = ("1.05", "1.12")
 
 
 @dataclass(frozen=True)
@@ -47,18 +47,18 @@ class Draw:
     seed: int
     number: int
 
-    def share(self, name: str) -> Fraction:
+    def unit_fraction(self, name: str) -> Fraction:
         """Return the random rational number in [0, 1) that belongs to a name."""
         text = f"{self.seed}/{self.number}/{name}"
         return Fraction(int(hashlib.sha256(text.encode()).hexdigest()[:12], 16), 16**12)
 
-    def between(self, name: str, low: object, high: object, places: int) -> str:
+    def decimal_between(self, name: str, low: object, high: object, places: int) -> str:
         """Return the random decimal between `low` and `high` that belongs to a name.
 
         It has at most `places` decimal places.
         """
         ends = [Fraction(str(end)) for end in (low, high)]
-        return decimal_text(ends[0] + self.share(name) * (ends[1] - ends[0]), places)
+        return decimal_text(ends[0] + self.unit_fraction(name) * (ends[1] - ends[0]), places)
 
 
 @lru_cache(maxsize=4096)
@@ -69,14 +69,14 @@ def drawn_disk(seed: int, number: int) -> Disk:
     disks.
     """
     draw = Draw(seed, number)
-    values = {name: draw.between(name, *bounds) for name, bounds in _RANGES.items()}
+    values = {name: draw.decimal_between(name, *bounds) for name, bounds in _RANGES.items()}
     r, m, B = (Fraction(values[name]) for name in ("r", "m", "B"))
     low, high = (r * Fraction(share) for share in _ECCENTRICITY)
-    values["e"] = draw.between("e", low, high, 5)
+    values["e"] = draw.decimal_between("e", low, high, 5)
     e = Fraction(values["e"])
     least = r * (2 * r - e) / (2 * (r + e) * (r - 2 * e)) * (B - m * e**2)
-    low, high = (least * Fraction(ratio) for ratio in _RATIO)
-    values["A"] = draw.between("A", low, high, 7)
+    low, high = (least * Fraction(ratio) for ratio in _INERTIA_FACTOR)
+    values["A"] = draw.decimal_between("A", low, high, 7)
     return Disk(**{name: values[name] for name in SYMBOLS}, name=f"fresh-{seed}-{number}")  # type: ignore[arg-type]
 
 

@@ -13,20 +13,20 @@ from tippedisk_verify.files import checked_file_path, output_file, write_table, 
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
-from tippedisk_verify.reference_values.grading_rules import digits_needed, scale_of, table_row
+from tippedisk_verify.reference_values.grading_rules import digits_needed, scale_of, values_csv_row
 from tippedisk_verify.reference_values.store import ReferenceValue
 
 __all__ = ["FORMATS", "export"]
 
-_TEXTS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
+_TEXT_FIELDS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
 _INPUTS = (*SYMBOLS, "Omega", *STATE_NAMES, "t", "n", "order")
-_FIELDS = (*_INPUTS, "value", "tolerance")
+_NUMBER_FIELDS = (*_INPUTS, "value", "tolerance")
 _HEADER = (
     "Reference values of the tippedisk. A good answer in doubles is off by `tolerance` at most."
     " An input that does not apply is 0."
 )
 _MAX_NAME = 63  # characters of a name, the limit of Fortran and of MATLAB
-Row = tuple[list[str], list[float]]  #: the values of `_TEXTS` and of `_FIELDS`
+Row = tuple[list[str], list[float]]  #: the values of `_TEXT_FIELDS` and of `_NUMBER_FIELDS`
 
 
 def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
@@ -51,13 +51,13 @@ def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
         return write_table(
-            checked_file_path(path, f".{form}"), [_row(quantity) for quantity in quantities]
+            checked_file_path(path, f".{form}"), [_csv_row(quantity) for quantity in quantities]
         )
     file = output_file(path)
     if form == "jsonl":
         lines = (json.dumps(quantity.to_dict(), ensure_ascii=False) for quantity in quantities)
         return write_text(file, "".join(f"{line}\n" for line in lines))
-    rows = [_fields(quantity) for quantity in quantities if "doubles" in quantity.values]
+    rows = [_test_file_row(quantity) for quantity in quantities if "doubles" in quantity.values]
     if not rows:
         raise InputError(
             "doubles cannot tell the inputs of these values apart: a test file would be empty"
@@ -66,23 +66,23 @@ def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
     return write_text(file, "\n".join([*_LANGUAGES[form](rows, name), ""]))
 
 
-def _row(reference_value: ReferenceValue) -> dict[str, str]:
-    return table_row(disk_of(reference_value.set).decimals(), reference_value)
+def _csv_row(reference_value: ReferenceValue) -> dict[str, str]:
+    return values_csv_row(disk_of(reference_value.set).decimals(), reference_value)
 
 
-def _fields(reference_value: ReferenceValue) -> Row:
-    row = _row(reference_value)
+def _test_file_row(reference_value: ReferenceValue) -> Row:
+    row = _csv_row(reference_value)
     scale = scale_of(reference_value, Decimal(row["value_from_doubles"]))
     tolerance = max(float(scale) * 10 ** -digits_needed(reference_value), float(row["rounding"]))
     numbers = [*(float(row[name] or 0) for name in _INPUTS), reference_value.for_doubles, tolerance]
-    return [row[name] for name in _TEXTS], numbers
+    return [row[name] for name in _TEXT_FIELDS], numbers
 
 
 def _c(rows: Sequence[Row], name: str) -> Iterator[str]:
     yield f"/* {_HEADER} */"
     yield "#ifndef TIPPEDISK_VALUE"
     yield "#define TIPPEDISK_VALUE"
-    yield f"struct tippedisk_value {{ const char *{', *'.join(_TEXTS)}; double {', '.join(_FIELDS)}; }};"
+    yield f"struct tippedisk_value {{ const char *{', *'.join(_TEXT_FIELDS)}; double {', '.join(_NUMBER_FIELDS)}; }};"
     yield "#endif"
     yield f"static const struct tippedisk_value {name}[{len(rows)}] = {{"
     for texts, numbers in rows:
@@ -113,7 +113,9 @@ def _literals(row: Row) -> Iterator[tuple[str, str]]:
     """
     texts, numbers = row
     return zip(
-        (*_TEXTS, *_FIELDS), [*(f'"{text}"' for text in texts), *map(repr, numbers)], strict=True
+        (*_TEXT_FIELDS, *_NUMBER_FIELDS),
+        [*(f'"{text}"' for text in texts), *map(repr, numbers)],
+        strict=True,
     )
 
 
@@ -123,8 +125,8 @@ def _fortran(rows: Sequence[Row], name: str) -> Iterator[str]:
     yield "  implicit none"
     yield "  type tippedisk_value"
     longest = max(len(text) for texts, _ in rows for text in texts)
-    yield f"    character(len={longest}) :: {', '.join(_TEXTS)}"
-    yield f"    double precision :: {', '.join(_FIELDS)}"
+    yield f"    character(len={longest}) :: {', '.join(_TEXT_FIELDS)}"
+    yield f"    double precision :: {', '.join(_NUMBER_FIELDS)}"
     yield "  end type"
     yield f"  type(tippedisk_value) :: values({len(rows)})"
     for n, (texts, numbers) in enumerate(rows, start=1):

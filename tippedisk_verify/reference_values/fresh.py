@@ -16,105 +16,125 @@ from functools import lru_cache
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
-from tippedisk_verify.reference_values.questions import (
+from tippedisk_verify.reference_values.entries import (
     READINGS,
     STORED_DIGITS,
     Reading,
-    ReferenceQuestion,
+    ReferenceEntry,
     case_of,
     rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
-from tippedisk_verify.reference_values.truths import as_reference_value, compute, condition
+from tippedisk_verify.reference_values.truths import as_reference_value, sensitivities, true_values
 from tippedisk_verify.theory.hopf import omega_crit
 
-__all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "fresh_question_ids", "with_fresh"]
+__all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "fresh_entry_ids", "with_fresh"]
 
 STATES_PER_DISK = 10
 MAX_STATES = 1000  #: the maximum on one sheet
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
-_TIMES = ("0.5", "1", "1.5", "2")
+_SAMPLE_TIMES = ("0.5", "1", "1.5", "2")
 _DIGITS = 12  # of orbits and cycles, which double precision reaches
 _ABOUT_HALF_PI = Fraction("1.5708")
-_ENTRY = re.compile(rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+")
+_ENTRY_ID = re.compile(
+    rf"(?<![\w-]){DRAWN_SET.pattern}/(both|linear|smooth)/[a-z-]+/[A-Za-z0-9.+-]+"
+)
 _MAX_ENTRIES = 42 * MAX_STATES // STATES_PER_DISK  # the maximum on one sheet; a disk has 42
 
 
 @lru_cache(maxsize=MAX_STATES // STATES_PER_DISK)
-def _items(set_name: str) -> tuple[ReferenceQuestion, ...]:
-    """Return all questions about a disk that was drawn at random, easiest first."""
-    return tuple(_drawn_items(set_name))
+def _entries_of_disk(set_name: str) -> tuple[ReferenceEntry, ...]:
+    """Return all entries of a disk that was drawn at random, easiest first."""
+    return tuple(_drawn_entries(set_name))
 
 
-def _drawn_items(set_name: str) -> Iterator[ReferenceQuestion]:
+def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
     drawn = DRAWN_SET.fullmatch(set_name)
     assert drawn is not None
     draw = Draw(int(drawn[1]), int(drawn[2]))
     crit = omega_crit(drawn_disk(draw.seed, draw.number), 40).value
 
-    def near(name: str, below: str, above: str, places: int) -> str:
+    def speed_near_crit(name: str, below: str, above: str, places: int) -> str:
         """Draw a random speed by its relative distance from Omega_crit, as a decimal.
 
         ``name`` is that of the draw, ``below`` and ``above`` are the bounds of the relative
         distance, and ``places`` is the number of decimal places.
         """
-        return draw.between(
+        return draw.decimal_between(
             name, crit * (1 + Fraction(below)), crit * (1 + Fraction(above)), places
         )
 
-    def item(law: str, kind: str, name: str, **inputs: str) -> ReferenceQuestion:
-        return ReferenceQuestion(f"{set_name}/{law}/{kind}/{name}", inputs)
+    def entry(law: str, kind: str, name: str, **inputs: str) -> ReferenceEntry:
+        return ReferenceEntry(f"{set_name}/{law}/{kind}/{name}", inputs)
 
     for n in range(1, STATES_PER_DISK + 1):
         place = f"{n:02d}"
-        # A quarter of the speeds come from a wide range, the others lie near Omega_crit. A tenth of
-        # the states lie near beta = pi/2.
+        # A quarter of the speeds come from a wide range, the others lie speed_near_crit Omega_crit. A tenth of
+        # the states lie speed_near_crit beta = pi/2.
         speed = (
-            draw.between(f"Omega {n}", 5, 60, 4)
+            draw.decimal_between(f"Omega {n}", 5, 60, 4)
             if n % 4 == 0
-            else near(f"Omega {n}", "-0.05", "0.05", 4)
+            else speed_near_crit(f"Omega {n}", "-0.05", "0.05", 4)
         )
         width = Fraction("0.0015") if n % 10 == 0 else Fraction("1.5")
         state = {
-            "beta": draw.between(f"beta {n}", _ABOUT_HALF_PI - width, _ABOUT_HALF_PI + width, 6),
-            "gamma": draw.between(
+            "beta": draw.decimal_between(
+                f"beta {n}", _ABOUT_HALF_PI - width, _ABOUT_HALF_PI + width, 6
+            ),
+            "gamma": draw.decimal_between(
                 f"gamma {n}", _ABOUT_HALF_PI - Fraction("4.7"), _ABOUT_HALF_PI + Fraction("4.7"), 5
             ),
-            "v": draw.between(f"v {n}", -12, 12, 4),
+            "v": draw.decimal_between(f"v {n}", -12, 12, 4),
         }
         for law in ("both", *_LAWS):
-            yield item(law, "rhs", place, Omega=speed, **state)
+            yield entry(law, "rhs", place, Omega=speed, **state)
     for n, speed in enumerate(
-        (draw.between("equilibrium 1", 5, 60, 4), near("equilibrium 2", "-0.05", "0.05", 4)), 1
+        (
+            draw.decimal_between("equilibrium 1", 5, 60, 4),
+            speed_near_crit("equilibrium 2", "-0.05", "0.05", 4),
+        ),
+        1,
     ):
         for name in ("inverted", "noninverted"):
-            yield item("both", "equilibrium", f"{name}-{n}", Omega=speed, equilibrium=name)
-    yield item("linear", "hopf", "point")
-    speed = near("harmonic balance", "-0.02", "-0.0001", 6)
+            yield entry("both", "equilibrium", f"{name}-{n}", Omega=speed, equilibrium=name)
+    yield entry("linear", "hopf", "point")
+    speed = speed_near_crit("harmonic balance", "-0.02", "-0.0001", 6)
     for form in ("printed", "consistent"):
-        yield item("linear", "harmonic-balance", form, Omega=speed, form=form)
+        yield entry("linear", "harmonic-balance", form, Omega=speed, form=form)
     angles = {
-        "beta": draw.between("slow beta", "0.8", "2.3", 4),
-        "gamma": draw.between("slow gamma", "-1.5", "4.5", 4),
+        "beta": draw.decimal_between("slow beta", "0.8", "2.3", 4),
+        "gamma": draw.decimal_between("slow gamma", "-1.5", "4.5", 4),
     }
-    yield item(
-        "linear", "slow-manifold", "1", Omega=near("slow speed", "-0.03", "0.03", 4), **angles
+    yield entry(
+        "linear",
+        "slow-manifold",
+        "1",
+        Omega=speed_near_crit("slow speed", "-0.03", "0.03", 4),
+        **angles,
     )
     # Near inverted spinning: from there the disk does not lie flat within two seconds.
     start = {
-        "beta": draw.between(
+        "beta": draw.decimal_between(
             "orbit beta", _ABOUT_HALF_PI - Fraction("0.3"), _ABOUT_HALF_PI + Fraction("0.3"), 4
         ),
-        "gamma": draw.between(
+        "gamma": draw.decimal_between(
             "orbit gamma", _ABOUT_HALF_PI - Fraction("0.8"), _ABOUT_HALF_PI + Fraction("0.8"), 4
         ),
-        "v": draw.between("orbit v", -2, 2, 4),
+        "v": draw.decimal_between("orbit v", -2, 2, 4),
     }
     for law in _LAWS:
-        yield item(law, "trajectory", "1", Omega=near("orbit speed", "-0.03", "0.03", 4), **start)
+        yield entry(
+            law,
+            "trajectory",
+            "1",
+            Omega=speed_near_crit("orbit speed", "-0.03", "0.03", 4),
+            **start,
+        )
     # Omega_h lies at least a fiftieth below Omega_crit for these disks.
     for law in _LAWS:
-        yield item(law, "limit-cycle", "1", Omega=near("cycle speed", "-0.01", "-0.001", 6))
+        yield entry(
+            law, "limit-cycle", "1", Omega=speed_near_crit("cycle speed", "-0.01", "-0.001", 6)
+        )
 
 
 # ----------------------------------------------------------------------------------------- answers
@@ -135,32 +155,34 @@ def blank_questions(states: int, seed: int) -> Store:
         raise InputError(f"--seed is a number from 0 to 999999999, not {seed}")
     disks = -(-states // STATES_PER_DISK)
     last = states - (disks - 1) * STATES_PER_DISK
-    beyond = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
-    items = [
-        item
+    left_out = {f"/rhs/{n:02d}" for n in range(last + 1, STATES_PER_DISK + 1)}
+    entries = [
+        entry
         for number in range(1, disks + 1)
-        for item in _items(f"fresh-{seed}-{number}")
-        if number < disks or item.id[-7:] not in beyond
+        for entry in _entries_of_disk(f"fresh-{seed}-{number}")
+        if number < disks or entry.id[-7:] not in left_out
     ]
-    nothing: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
+    no_values: dict[Reading, tuple[str, str]] = {"decimals": ("", ""), "doubles": ("", "")}
     blank = (
-        as_reference_value(item, name, nothing, {})
-        for item in items
-        for name in _names(item.kind, item.friction)
+        as_reference_value(entry, name, no_values, {})
+        for entry in entries
+        for name in _asked_quantities(entry.kind, entry.friction)
     )
     return Store.of(sorted(blank, key=lambda quantity: quantity.level))
 
 
-def fresh_question_ids(prefix: str) -> str:
-    """Return the ids of the fresh questions that start with a prefix, as text with one id per line.
+def fresh_entry_ids(prefix: str) -> str:
+    """Return the ids of the fresh entries that start with a prefix, as text with one id per line.
 
-    The disk of a fresh question is drawn from a seed. For the id of a quantity, return the id of
-    the question that the quantity belongs to.
+    The disk of a fresh entry is drawn from a seed. For the id of a quantity, return the id of the
+    entry that the quantity belongs to.
     """
     drawn = re.match(rf"{DRAWN_SET.pattern}(?=/)", prefix)
-    items = () if drawn is None else _items(drawn[0])
+    entries = () if drawn is None else _entries_of_disk(drawn[0])
     return "\n".join(
-        item.id for item in items if item.id.startswith(prefix) or prefix.startswith(f"{item.id}/")
+        entry.id
+        for entry in entries
+        if entry.id.startswith(prefix) or prefix.startswith(f"{entry.id}/")
     )
 
 
@@ -174,35 +196,37 @@ def with_fresh(
     Args:
         store: The store to extend.
         text: Any text, such as a sheet of answers.
-        advance: A function that is called with an id and 1 after each question.
+        advance: A function that is called with an id and 1 after each entry.
 
     Raises:
         InputError: If there are more questions than `MAX_STATES` states give.
     """
-    named = {found[0] for found in _ENTRY.finditer(text)}
+    named = {found[0] for found in _ENTRY_ID.finditer(text)}
     if len(named) > _MAX_ENTRIES:
         raise InputError(
             f"there are fresh questions for {len(named)} entries: a sheet has "
             f"{_MAX_ENTRIES} at most"
         )
     sets = dict.fromkeys(id_.split("/")[0] for id_ in sorted(named))
-    wanted = [item for name in sets for item in _items(name) if item.id in named]
+    wanted = [entry for name in sets for entry in _entries_of_disk(name) if entry.id in named]
     truths: list[ReferenceValue] = []
-    for item in wanted:
-        truths += _truths(item.id)
-        advance(item.id, 1)
+    for entry in wanted:
+        truths += _true_quantities(entry.id)
+        advance(entry.id, 1)
     return (
-        store.joined(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
+        store.merged_with(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
         if truths
         else store
     )
 
 
 @lru_cache(maxsize=_MAX_ENTRIES)
-def _truths(item_id: str) -> tuple[ReferenceValue, ...]:
-    item = next(item for item in _items(item_id.split("/")[0]) if item.id == item_id)
-    values = {reading: compute(case_of(item, reading), _DIGITS) for reading in READINGS}
-    slopes = condition(case_of(item, "decimals"), values["decimals"])
+def _true_quantities(entry_id: str) -> tuple[ReferenceValue, ...]:
+    entry = next(
+        entry for entry in _entries_of_disk(entry_id.split("/")[0]) if entry.id == entry_id
+    )
+    values = {reading: true_values(case_of(entry, reading), _DIGITS) for reading in READINGS}
+    slopes = sensitivities(case_of(entry, "decimals"), values["decimals"])
 
     def rounded(name: str) -> dict[Reading, tuple[str, str]]:
         return {
@@ -210,12 +234,12 @@ def _truths(item_id: str) -> tuple[ReferenceValue, ...]:
             for reading in READINGS
         }
 
-    names = _names(item.kind, item.friction)
-    return tuple(as_reference_value(item, name, rounded(name), slopes[name]) for name in names)
+    names = _asked_quantities(entry.kind, entry.friction)
+    return tuple(as_reference_value(entry, name, rounded(name), slopes[name]) for name in names)
 
 
 @lru_cache(maxsize=32)
-def _names(kind: str, friction: str) -> tuple[str, ...]:
+def _asked_quantities(kind: str, friction: str) -> tuple[str, ...]:
     """Return the names of the quantities that are asked about a fresh entry of a kind and friction
     law, as in the published data.
 
@@ -224,4 +248,6 @@ def _names(kind: str, friction: str) -> tuple[str, ...]:
     published = load_store().matching(f"table1/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
     names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]
-    return tuple(name for name in names if kind != "trajectory" or name.partition("@")[2] in _TIMES)
+    return tuple(
+        name for name in names if kind != "trajectory" or name.partition("@")[2] in _SAMPLE_TIMES
+    )

@@ -20,14 +20,14 @@ __all__ = [
     "ALLOWED_INPUT_CHANGE",
     "DIGITS_REQUIRED",
     "QUESTION_COLUMNS",
-    "ROUNDING",
+    "ROUNDING_CHANGE",
     "VALUES_COLUMNS",
     "digits_needed",
     "question_fields",
     "scale_of",
-    "slopes_of",
     "split_name",
-    "table_row",
+    "values_csv_row",
+    "worst_case_sensitivity",
 ]
 
 _INPUTS = ("Omega", *STATE_NAMES)
@@ -53,7 +53,7 @@ QUESTION_COLUMNS = (
 #: easily; a wrong equation does not reach them by chance.
 DIGITS_REQUIRED = {1: 10, 2: 8, 3: 8, 4: 8, 5: 8, 6: 4, 7: 6, 8: 6, 9: 4, 10: 6}
 # Quantities that pass through zero. If they are below 1 in their unit, errors are relative to 1.
-_UNIT_SIZED = (
+_SCALE_AT_LEAST_ONE = (
     "beta",
     "gamma",
     "v",
@@ -68,7 +68,7 @@ _UNIT_SIZED = (
 #: It is at most 5.3e-11 with SciPy's LSODA and 5.0e-11 with DOP853.
 ALLOWED_INPUT_CHANGE = {level: 1e-12 if level < 6 else 1e-10 for level in DIGITS_REQUIRED}
 _MIN_DIGITS = 0.3  # digits that every question requires: an error of half the value
-ROUNDING = 2.0**-52  #: twice the relative change that rounding to a double makes
+ROUNDING_CHANGE = 2.0**-52  #: twice the relative change that rounding to a double makes
 #: Columns of values.csv: the question, its numbers as hexadecimal doubles, the value, its grade.
 VALUES_COLUMNS = (
     *QUESTION_COLUMNS,
@@ -144,13 +144,13 @@ def scale_of(reference_value: ReferenceValue, value: Decimal) -> Decimal:
         )
     if reference_value.level == 2 or split_name(reference_value.name, reference_value.kind)[
         0
-    ].startswith(_UNIT_SIZED):
+    ].startswith(_SCALE_AT_LEAST_ONE):
         return max(size, Decimal(1))
     return size
 
 
 @decimal_arithmetic()
-def slopes_of(reference_value: ReferenceValue) -> Decimal:
+def worst_case_sensitivity(reference_value: ReferenceValue) -> Decimal:
     """Return the largest change of a reference value per relative change of its inputs, if each
     changes in its worse direction.
     """
@@ -167,7 +167,7 @@ def digits_needed(reference_value: ReferenceValue) -> float:
     """
     digits = float(DIGITS_REQUIRED[reference_value.level])
     scale = scale_of(reference_value, Decimal(reference_value.values["decimals"][0]))
-    condition = float(slopes_of(reference_value) / scale) if scale else 0.0
+    condition = float(worst_case_sensitivity(reference_value) / scale) if scale else 0.0
     if "doubles" in reference_value.values and condition:
         digits = max(
             min(digits, -math.log10(condition * ALLOWED_INPUT_CHANGE[reference_value.level])),
@@ -176,7 +176,9 @@ def digits_needed(reference_value: ReferenceValue) -> float:
     return round(digits, 3)  # the same on every processor
 
 
-def table_row(parameters: Mapping[str, str], reference_value: ReferenceValue) -> dict[str, str]:
+def values_csv_row(
+    parameters: Mapping[str, str], reference_value: ReferenceValue
+) -> dict[str, str]:
     """Return the row of a reference value in values.csv, by column.
 
     Args:
@@ -198,7 +200,7 @@ def table_row(parameters: Mapping[str, str], reference_value: ReferenceValue) ->
         },
         "scale": f"{scale:.17g}",
         "digits_needed": repr(digits_needed(reference_value)),
-        "rounding": f"{float(slopes_of(reference_value)) * ROUNDING:.3g}",
+        "rounding": f"{float(worst_case_sensitivity(reference_value)) * ROUNDING_CHANGE:.3g}",
         "grade": reference_value.grade,
         "methods": " ".join(map("=".join, reference_value.methods.items())),
         "condition": " ".join(map("=".join, reference_value.condition.items())),

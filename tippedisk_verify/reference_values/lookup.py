@@ -9,7 +9,7 @@ from tippedisk_verify.reference_values.store import Reading, ReferenceValue, Sto
 
 __all__ = ["full_id", "reference", "references"]
 
-_MAX_NEAR = 5  # ids that an error message suggests
+_MAX_SUGGESTIONS = 5  # ids that an error message suggests
 
 
 def references(prefix: str = "", *, reading: Reading = "decimals") -> list[ReferenceValue]:
@@ -29,7 +29,7 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Refer
             f"the ids of reference values start with a string, not with {type(prefix).__name__}"
         )
     prefix = full_id(prefix)
-    store = _with_drawn(prefix)
+    store = _store_with_fresh(prefix)
     found = [
         q.read_from(reading)
         for q in store.matching(prefix)
@@ -55,7 +55,7 @@ def reference(id_: str, *, reading: Reading = "decimals") -> ReferenceValue:
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
     id_ = full_id(id_)
-    quantity = _with_drawn(id_).get(id_)
+    quantity = _store_with_fresh(id_).get(id_)
     if quantity is None:
         near = _similar_ids(id_[:200])
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
@@ -80,18 +80,18 @@ def _similar_ids(asked: str) -> list[str]:
     while parts and not sharing:
         sharing = [id_ for id_ in known if id_.startswith("/".join([*parts, ""]))]
         parts.pop()
-    return get_close_matches(asked, sharing or known, _MAX_NEAR, 0 if sharing else 0.5)
+    return get_close_matches(asked, sharing or known, _MAX_SUGGESTIONS, 0 if sharing else 0.5)
 
 
-def _with_drawn(prefix: str) -> Store:
+def _store_with_fresh(prefix: str) -> Store:
     """Return the stored reference values, extended by those of a drawn disk if `prefix` starts with
     the disk's name.
     """
     if not prefix.startswith("fresh-"):
         return load_store()
     from tippedisk_verify.reference_values.fresh import (  # slow to import
-        fresh_question_ids,
+        fresh_entry_ids,
         with_fresh,
     )
 
-    return with_fresh(load_store(), fresh_question_ids(prefix))
+    return with_fresh(load_store(), fresh_entry_ids(prefix))

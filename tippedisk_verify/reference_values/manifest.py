@@ -19,21 +19,21 @@ from tippedisk_verify.files import read_bytes
 from tippedisk_verify.provenance import digest
 
 __all__ = [
-    "FILES",
+    "COMPUTED_FILES",
+    "DATA_FILES",
+    "HANDWRITTEN_FILES",
     "MANIFEST",
     "MAX_FILE_BYTES",
-    "STATIC",
-    "VALUES",
     "data_folder",
     "faults_in_files",
     "manifest_text",
     "read_manifest",
-    "sound_files",
+    "verified_texts",
 ]
 
-VALUES = ("values.csv", "proofs.json")  #: files that `reference_data/make` writes
+COMPUTED_FILES = ("values.csv", "proofs.json")  #: files that `reference_data/make` writes
 #: Files that are written by hand.
-STATIC = (
+HANDWRITTEN_FILES = (
     "quantities.csv",
     "methods.csv",
     "schema.json",
@@ -42,7 +42,7 @@ STATIC = (
     "CITATION.cff",
     "LICENSE",
 )
-FILES = (*VALUES, *STATIC)  #: all files with a hash in the manifest
+DATA_FILES = (*COMPUTED_FILES, *HANDWRITTEN_FILES)  #: all files with a hash in the manifest
 MANIFEST = "manifest.json"
 MAX_FILE_BYTES = 64_000_000  #: bytes that a file may have; the largest has about ten million
 _MAX_MANIFEST = 1_000_000  # bytes
@@ -63,7 +63,7 @@ def data_folder() -> Path:
     )
 
 
-def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
+def verified_texts(folder: Path, names: Iterable[str]) -> dict[str, str]:
     """Return the texts of some files by name, after comparing each with its hash.
 
     Args:
@@ -73,16 +73,16 @@ def sound_files(folder: Path, names: Iterable[str]) -> dict[str, str]:
     Raises:
         InputError: If a file is missing, has been changed, or is not UTF-8.
     """
-    contents, faults = _contents(folder, names)
+    contents, faults = _verified_contents(folder, names)
     try:
         if not faults:
             return {name: content.decode() for name, content in contents.items()}
     except UnicodeDecodeError:
         faults = ["they are not all texts in UTF-8"]
-    raise _damaged(folder, faults[0])
+    raise _damaged_error(folder, faults[0])
 
 
-def _damaged(folder: Path, fault: str) -> InputError:
+def _damaged_error(folder: Path, fault: str) -> InputError:
     return InputError(
         f"the reference data in {folder} are damaged ({fault}): install the package anew"
     )
@@ -93,17 +93,17 @@ def faults_in_files(folder: Path) -> list[str]:
     included.
     """
     try:
-        return _contents(folder, FILES)[1]
+        return _verified_contents(folder, DATA_FILES)[1]
     except InputError as fault:
         return list(fault.faults)
 
 
-def _contents(folder: Path, names: Iterable[str]) -> tuple[dict[str, bytes], list[str]]:
+def _verified_contents(folder: Path, names: Iterable[str]) -> tuple[dict[str, bytes], list[str]]:
     manifest, faults = read_manifest(folder)
     contents = {}
     for name in names:
         try:
-            contents[name] = _sound(folder, name, manifest)
+            contents[name] = _verified_bytes(folder, name, manifest)
         except ValueError as fault:
             faults.append(str(fault))
     return contents, faults
@@ -124,7 +124,7 @@ def read_manifest(folder: Path) -> tuple[dict[str, Any], list[str]]:
         if not isinstance(content, dict) or not isinstance(content.get("files"), dict):
             raise ValueError
     except (ValueError, RecursionError):
-        raise _damaged(folder, f"{MANIFEST} is not a manifest") from None
+        raise _damaged_error(folder, f"{MANIFEST} is not a manifest") from None
     hashed = {name: value for name, value in content.items() if name != "sha256"}
     changed = text != manifest_text(hashed).encode(errors="replace")
     return content, [f"{MANIFEST} has been changed"] * changed
@@ -135,7 +135,7 @@ def manifest_text(content: dict[str, Any]) -> str:
     return json.dumps({**content, "sha256": digest(content)}, indent=1) + "\n"
 
 
-def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
+def _verified_bytes(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
     """Return the bytes of a file of the reference data, compressed or not, after comparing them
     with their hash.
 
@@ -143,15 +143,15 @@ def _sound(folder: Path, name: str, manifest: dict[str, Any]) -> bytes:
         ValueError: If it is missing, cannot be read, or its hash is not in the manifest. The
             message names the fault.
     """
-    path, packed = folder / name, folder / f"{name}.gz"
+    path, compressed = folder / name, folder / f"{name}.gz"
     entry = manifest["files"].get(name)
-    if not path.is_file() and not packed.is_file():
+    if not path.is_file() and not compressed.is_file():
         raise ValueError(f"{name} is missing")
     try:
         if path.is_file():
             content = read_bytes(path, MAX_FILE_BYTES)
         else:
-            with gzip.open(packed) as stream:
+            with gzip.open(compressed) as stream:
                 content = stream.read(MAX_FILE_BYTES + 1)
     except (OSError, EOFError, zlib.error, InputError):
         raise ValueError(f"{name} has been changed") from None

@@ -25,26 +25,26 @@ from tippedisk_verify.model.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.results import Printable, as_json
 from tippedisk_verify.reference_values.draws import disk_of
-from tippedisk_verify.reference_values.manifest import data_folder, sound_files
+from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
 
 __all__ = [
-    "OPTIONAL",
+    "OPTIONAL_QUANTITIES",
     "Reading",
     "ReferenceValue",
     "Store",
     "definition_of",
     "is_optional",
     "load_store",
-    "optional_beside",
+    "optional_ids_of_state",
+    "parse_values_csv",
     "quantity_definitions",
     "reference_value_of",
-    "table_rows",
 ]
 
 Reading = Literal["decimals", "doubles"]  #: inputs exactly as written, or rounded to doubles
 #: Quantities of level 1 that a program may answer or leave out. They count nowhere. They are closed
 #: forms, so the data have no values of them.
-OPTIONAL = ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
+OPTIONAL_QUANTITIES = ("Bbar", "h_1", "h_2", "h_3", "h_4", "h_5")
 
 
 class Definition(NamedTuple):
@@ -65,7 +65,7 @@ def quantity_definitions() -> dict[str, dict[str, Definition]]:
         InputError: If the file is damaged.
     """
     kinds: dict[str, dict[str, Definition]] = {}
-    text = sound_files(data_folder(), ["quantities.csv"])["quantities.csv"]
+    text = verified_texts(data_folder(), ["quantities.csv"])["quantities.csv"]
     for row in csv.DictReader(text.splitlines()):
         definition = Definition(int(row["level"]), row["unit"], row["definition"])
         kinds.setdefault(row["kind"], {})[row["quantity"]] = definition
@@ -223,14 +223,14 @@ numbers.Real.register(
 _INPUTS = ("Omega", *STATE_NAMES, "equilibrium", "form")
 
 
-def optional_beside(id_: str) -> tuple[str, ...]:
+def optional_ids_of_state(id_: str) -> tuple[str, ...]:
     """Return the ids of the optional quantities that may be asked about a state, from the id of the
     state's M; () for other ids.
     """
-    return tuple(f"{id_[:-1]}{name}" for name in OPTIONAL) if id_.endswith("/M") else ()
+    return tuple(f"{id_[:-1]}{name}" for name in OPTIONAL_QUANTITIES) if id_.endswith("/M") else ()
 
 
-def _mass_of(id_: str) -> str:
+def _mass_id(id_: str) -> str:
     """Return the id of M (the mass term) at the state to which an optional quantity belongs."""
     return f"{id_.rsplit('/', 1)[0]}/M"
 
@@ -238,7 +238,7 @@ def _mass_of(id_: str) -> str:
 def is_optional(id_: object) -> bool:
     """Return True if an id is that of an optional quantity."""
     *entry, name = str(id_).split("/")
-    return name in OPTIONAL and entry[1:3] == ["both", "rhs"]
+    return name in OPTIONAL_QUANTITIES and entry[1:3] == ["both", "rhs"]
 
 
 class Store(Mapping[str, ReferenceValue]):
@@ -254,9 +254,9 @@ class Store(Mapping[str, ReferenceValue]):
     """
 
     def __init__(self, folder: Path) -> None:
-        texts = sound_files(folder, ("values.csv", "proofs.json"))
+        texts = verified_texts(folder, ("values.csv", "proofs.json"))
         try:
-            proofs, rows = json.loads(texts["proofs.json"]), table_rows(texts["values.csv"])
+            proofs, rows = json.loads(texts["proofs.json"]), parse_values_csv(texts["values.csv"])
             self._quantities = {row["id"]: reference_value_of(row, proofs) for row in rows}
             self._optional: dict[str, ReferenceValue] = {}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
@@ -274,7 +274,7 @@ class Store(Mapping[str, ReferenceValue]):
         store._optional = {}
         return store
 
-    def joined(self, other: Store) -> Store:
+    def merged_with(self, other: Store) -> Store:
         """Return a store of this store's reference values and those of another one."""
         return Store.of((*self.values(), *other.values()))
 
@@ -296,7 +296,7 @@ class Store(Mapping[str, ReferenceValue]):
         if id_ not in self._optional:
             from tippedisk_verify.reference_values.truths import optional_quantities
 
-            mass = self._quantities[_mass_of(id_)]
+            mass = self._quantities[_mass_id(id_)]
             self._optional |= {one.id: one for one in optional_quantities(mass)}
         return self._optional[id_]
 
@@ -304,7 +304,7 @@ class Store(Mapping[str, ReferenceValue]):
         """Return True if the store has a reference value or an optional quantity with this id,
         without computing it.
         """
-        return (_mass_of(str(id_)) if is_optional(id_) else id_) in self._quantities
+        return (_mass_id(str(id_)) if is_optional(id_) else id_) in self._quantities
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._quantities)
@@ -317,7 +317,7 @@ class Store(Mapping[str, ReferenceValue]):
         return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
 
 
-def table_rows(text: str) -> list[dict[str, str]]:
+def parse_values_csv(text: str) -> list[dict[str, str]]:
     """Return the rows of values.csv, each by column.
 
     Raises:

@@ -1,8 +1,8 @@
-"""The true answers of a question, and the effect of each input on them.
+"""The true numbers of an entry, and the effect of each input on them.
 
-`compute` gives the numbers of the published data and of fresh questions. `compute_again` gives the
-numbers that a check compares them with: from another formulation if there is one, otherwise from
-the same method in another precision.
+`true_values` gives the numbers of the published data and of fresh questions. `cross_check_values`
+gives the numbers that a check compares them with: from another formulation if there is one,
+otherwise from the same method in another precision. `sensitivities` gives the effect of the inputs.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
-from tippedisk_verify.reference_values.questions import (
+from tippedisk_verify.reference_values.entries import (
     READINGS,
     STORED_DIGITS,
     Case,
+    MeasuredValues,
     Reading,
-    ReferenceQuestion,
-    Values,
+    ReferenceEntry,
     case_of,
     rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import (
-    OPTIONAL,
+    OPTIONAL_QUANTITIES,
     ReferenceValue,
     definition_of,
     quantity_definitions,
@@ -52,19 +52,19 @@ __all__ = [
     "DIGITS",
     "ORDERS",
     "WIDER_BITS",
-    "PlainEngine",
-    "Slopes",
+    "FixedToleranceEngine",
+    "Sensitivities",
     "as_reference_value",
-    "by_differences",
-    "compute",
-    "compute_again",
-    "condition",
-    "evaluated_twice",
+    "cross_check_values",
+    "evaluate_in_two_precisions",
     "omega_h_values",
     "optional_quantities",
+    "sensitivities",
+    "sensitivities_by_differences",
     "shoot_known_cycle",
     "trajectory_numbers",
     "trajectory_values",
+    "true_values",
 ]
 
 DIGITS = 56  #: of closed forms, so that 50 can be stored
@@ -79,62 +79,63 @@ _STEP_IN_DOUBLE = Fraction(1, 10**6)
 # time is the start itself, even after a start is moved by 1e-7 to find its effect.
 _MIN_CROSSING_TIME = 0.01
 _HALF_PI = PI * Fraction(1, 2)
-Slopes = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
+Sensitivities = dict[str, dict[str, Any]]  #: by quantity, then by parameter or input
 
 
-def compute(case: Case, digits: int) -> Values:
-    """Compute the true numbers that answer a question of the reference data.
+def true_values(case: Case, digits: int) -> MeasuredValues:
+    """Compute the true numbers of an entry of the reference data.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         digits: Significant digits of the numbers that need an integrator. Closed forms have
             `DIGITS`.
     """
-    return _COMPUTE[case.item.kind](case, digits)
+    return _FIRST_METHODS[case.entry.kind](case, digits)
 
 
-def compute_again(case: Case, digits: int) -> Values:
-    """Compute the true numbers that answer a question in a second formulation, if there is one, as
-    a check.
+def cross_check_values(case: Case, digits: int) -> MeasuredValues:
+    """Compute the true numbers of an entry in a second formulation, if there is one, as a check.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         digits: Significant digits of the numbers that need an integrator.
     """
-    return {**_COMPUTE, **_COMPUTE_AGAIN}[case.item.kind](case, digits)
+    return {**_FIRST_METHODS, **_SECOND_METHODS}[case.entry.kind](case, digits)
 
 
-def condition(case: Case, values: Values) -> Slopes:
-    """Return how sensitive the answers to a question are: the change of each number per relative
+def sensitivities(case: Case, values: MeasuredValues) -> Sensitivities:
+    """Return how sensitive the numbers of an entry are: the change of each number per relative
     change of each parameter and input.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         values: Its numbers, from which shooting starts.
     """
-    plain, step = _PLAIN[case.item.kind]
-    return by_differences(case, lambda moved: plain(moved, values), step)
+    evaluate, step = _CHEAP_EVALUATIONS[case.entry.kind]
+    return sensitivities_by_differences(case, lambda moved: evaluate(moved, values), step)
 
 
-def by_differences(
+def sensitivities_by_differences(
     case: Case,
-    plain: Callable[[Case], Mapping[str, Any]],
+    evaluate: Callable[[Case], Mapping[str, Any]],
     step: Fraction = _RELATIVE_STEP,
-) -> Slopes:
+) -> Sensitivities:
     """Return the change of each quantity per relative change of each parameter and input, by
     central differences.
 
     It is dq / (dp / p) for a quantity q and a parameter or input p.
 
     Args:
-        case: The question in one reading.
-        plain: A function of the case that is cheap to evaluate.
+        case: The entry in one reading.
+        evaluate: A function of the case that is cheap to evaluate.
         step: The relative step.
     """
-    slopes: Slopes = {}
+    slopes: Sensitivities = {}
     moving = [name for name, value in case.inputs.items() if isinstance(value, Fraction) and value]
     for name in (*SYMBOLS, *moving):
-        above, below = (plain(_with_moved_input(case, name, 1 + sign * step)) for sign in (1, -1))
+        above, below = (
+            evaluate(_with_moved_input(case, name, 1 + sign * step)) for sign in (1, -1)
+        )
         for quantity in above.keys() & below.keys():
             slope = float((above[quantity] - below[quantity]) / (2 * float(step)))
             slopes.setdefault(quantity, {})[name] = slope
@@ -148,28 +149,28 @@ def _with_moved_input(case: Case, name: str, factor: Fraction) -> Case:
     return replace(case, disk=replace(case.disk, **{name: value}))
 
 
-def evaluated_twice(
-    evaluate: Callable[[Any], Mapping[str, Any]], narrow: int = BITS, kept: int = BITS
-) -> Values:
+def evaluate_in_two_precisions(
+    evaluate: Callable[[Any], Mapping[str, Any]], lower_bits: int = BITS, correct_bits: int = BITS
+) -> MeasuredValues:
     """Evaluate a function in two precisions, and return the values with the error that this shows.
 
     Args:
         evaluate: A function of an mpmath context.
-        narrow: Bits of the lower precision; the higher one has 64 more.
-        kept: Bits of the values that may be taken as correct.
+        lower_bits: Bits of the lower precision; the higher one has 64 more.
+        correct_bits: Bits of the values that may be taken as correct.
     """
     rough, sharp = (
         evaluate(precision_of_bits(working).context)
-        for working in (narrow, narrow + WIDER_BITS - BITS)
+        for working in (lower_bits, lower_bits + WIDER_BITS - BITS)
     )
     return {
-        name: Measured.compared(value, sharp[name], Fraction(2, 1 << kept))
+        name: Measured.compared(value, sharp[name], Fraction(2, 1 << correct_bits))
         for name, value in rough.items()
     }
 
 
-def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
-    """Return the disk's constants and the named inputs of a question, as numbers of an mpmath
+def _constants_and_inputs(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
+    """Return the disk's constants and the named inputs of an entry, as numbers of an mpmath
     context.
     """
     return (
@@ -179,7 +180,7 @@ def _in_context(ctx: Any, case: Case, *names: str) -> tuple[Any, ...]:
 
 
 def as_reference_value(
-    question: ReferenceQuestion,
+    entry: ReferenceEntry,
     name: str,
     values: Mapping[Reading, tuple[str, str]],
     slopes: Mapping[str, Any],
@@ -189,7 +190,7 @@ def as_reference_value(
     """Return computed numbers and their sensitivities as a reference value.
 
     Args:
-        question: The question.
+        entry: The entry.
         name: The quantity's name.
         values: Value and half-width as decimals, by reading.
         slopes: The change of the value per relative change of each input. Zeros are left out; the
@@ -197,16 +198,16 @@ def as_reference_value(
         grade: proved, two-method, agreed, or single.
         methods: The distance of each method's value from the one given.
     """
-    level, unit, _ = definition_of(question.kind, name)
+    level, unit, _ = definition_of(entry.kind, name)
     return ReferenceValue(
-        id=f"{question.id}/{name}",
+        id=f"{entry.id}/{name}",
         level=level,
-        kind=question.kind,
-        set=question.set,
-        friction=question.friction,
+        kind=entry.kind,
+        set=entry.set,
+        friction=entry.friction,
         name=name,
         unit=unit,
-        inputs=question.inputs,
+        inputs=entry.inputs,
         values=values,
         grade=grade,
         methods=methods or {},
@@ -216,16 +217,16 @@ def as_reference_value(
 
 # ------------------------------------------------------------------------------------ closed forms
 def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any]:
-    """Compute the terms of the paper's equations as printed, and the Jacobian, at the state of a
-    question.
+    """Compute the terms of the paper's equations as printed, and the Jacobian, at the state of an
+    entry.
 
     With ``shift`` the calculation uses the angles minus pi/2.
     """
-    c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
-    ops, quarter = (shifted_ops(ctx), ctx.pi / 2) if shift else (ctx, 0)
-    beta, gamma = beta - quarter, gamma - quarter
+    c, omega, beta, gamma, v = _constants_and_inputs(ctx, case, "Omega", *STATE_NAMES)
+    ops, quarter_turn = (shifted_ops(ctx), ctx.pi / 2) if shift else (ctx, 0)
+    beta, gamma = beta - quarter_turn, gamma - quarter_turn
     values = equation_terms(ops, c, omega, beta, gamma, v)
-    if case.item.friction == "both":
+    if case.entry.friction == "both":
         return {
             "M": values.mass,
             "h": values.gyroscopic,
@@ -244,28 +245,33 @@ def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any
     }
 
 
-def _optional(case: Case, ctx: Any) -> dict[str, Any]:
-    """Compute the optional quantities at the state of a question, Bbar and the terms of
+def _optional_terms(case: Case, ctx: Any) -> dict[str, Any]:
+    """Compute the optional quantities at the state of an entry, Bbar and the terms of
     h, by name.
     """
-    c, omega, beta, gamma, v = _in_context(ctx, case, "Omega", *STATE_NAMES)
+    c, omega, beta, gamma, v = _constants_and_inputs(ctx, case, "Omega", *STATE_NAMES)
     parts = equation_terms(ctx, c, omega, beta, gamma, v).gyroscopic_terms
-    return dict(zip(OPTIONAL, (c.Bbar, *parts), strict=True))
+    return dict(zip(OPTIONAL_QUANTITIES, (c.Bbar, *parts), strict=True))
 
 
 def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]:
-    """Compute the optional quantities of a state, in the order of `OPTIONAL`.
+    """Compute the optional quantities of a state, in the order of `OPTIONAL_QUANTITIES`.
 
     Args:
         reference_value: A quantity of the same state.
     """
-    item = ReferenceQuestion(reference_value.id.rsplit("/", 1)[0], reference_value.inputs)
-    cases = {reading: case_of(item, reading) for reading in READINGS}
-    values = {reading: evaluated_twice(partial(_optional, case)) for reading, case in cases.items()}
-    slopes = by_differences(cases["decimals"], lambda moved: _optional(moved, fp), _STEP_IN_DOUBLE)
+    entry = ReferenceEntry(reference_value.id.rsplit("/", 1)[0], reference_value.inputs)
+    cases = {reading: case_of(entry, reading) for reading in READINGS}
+    values = {
+        reading: evaluate_in_two_precisions(partial(_optional_terms, case))
+        for reading, case in cases.items()
+    }
+    slopes = sensitivities_by_differences(
+        cases["decimals"], lambda moved: _optional_terms(moved, fp), _STEP_IN_DOUBLE
+    )
     return [
         as_reference_value(
-            item,
+            entry,
             name,
             {
                 reading: rounded_to_digits(values[reading][name], STORED_DIGITS).decimals()
@@ -273,18 +279,18 @@ def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]
             },
             slopes[name],
         )
-        for name in OPTIONAL
+        for name in OPTIONAL_QUANTITIES
     ]
 
 
-def _equilibrium(case: Case, digits: int) -> Values:
+def _equilibrium(case: Case, digits: int) -> MeasuredValues:
     state = case.disk.equilibrium(case.inputs["equilibrium"], case.inputs["Omega"], digits=DIGITS)
-    return _of_places((value.re, value.im) for value in state.eigenvalues)
+    return _eigenvalue_parts((value.re, value.im) for value in state.eigenvalues)
 
 
 def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the eigenvalues of an equilibrium's full Jacobian by the QR algorithm, by name."""
-    c, omega = _in_context(ctx, case, "Omega")
+    c, omega = _constants_and_inputs(ctx, case, "Omega")
     gamma = ctx.pi / 2 if case.inputs["equilibrium"] == "inverted" else -ctx.pi / 2
     rows = jacobian(ctx, c, omega, "linear")(ctx.pi / 2, gamma, ctx.mpf(0))
     values = ctx.eig(ctx.matrix([list(row) for row in rows]), left=False, right=False)
@@ -294,10 +300,10 @@ def _eigenvalues(case: Case, ctx: Any) -> dict[str, Any]:
         for value in values
     ]
     pairs.sort(key=lambda pair: (-ctx.nint(pair[0] / small), -pair[1]))
-    return _of_places(pairs)
+    return _eigenvalue_parts(pairs)
 
 
-def _of_places(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
+def _eigenvalue_parts(pairs: Iterable[tuple[Any, Any]]) -> dict[str, Any]:
     return {
         f"lambda_{n}_{part}": number
         for n, pair in enumerate(pairs, start=1)
@@ -309,7 +315,7 @@ def _one_harmonic_law(case: Case, ctx: Any) -> dict[str, Any]:
     """Return amplitude, frequency and period of the one-harmonic law by name, as numbers of the
     mpmath context ``ctx``.
     """
-    c, omega = _in_context(ctx, case, "Omega")
+    c, omega = _constants_and_inputs(ctx, case, "Omega")
     square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])
     frequency = ctx.sqrt(frequency_squared)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
@@ -319,7 +325,7 @@ def _slow_manifold(case: Case, ctx: Any) -> dict[str, Any]:
     """Compute the slow manifold's orders and residuals at a point by recursion on truncated power
     series, by name.
     """
-    arguments = (ctx, *_in_context(ctx, case, "Omega", "beta", "gamma"), ORDERS)
+    arguments = (ctx, *_constants_and_inputs(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = (
         slow_manifold.orders(*arguments),
         slow_manifold.invariance_residuals(*arguments),
@@ -331,7 +337,7 @@ def _slow_manifold(case: Case, ctx: Any) -> dict[str, Any]:
 
 # ------------------------------------------------------------------------------------------ motion
 @dataclass(frozen=True)
-class PlainEngine:
+class FixedToleranceEngine:
     """An engine that integrates at a fixed tolerance and gives no half-widths."""
 
     engine: Engine
@@ -353,10 +359,10 @@ class PlainEngine:
 def trajectory_numbers(
     case: Case, digits: int, *, shift: bool = False, engine: Engine | None = None
 ) -> Mapping[str, tuple[Any, Any]]:
-    """Integrate the orbit of a question, and return its numbers with half-widths, by name.
+    """Integrate the orbit of an entry, and return its numbers with half-widths, by name.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
         engine: The engine; None for the default.
@@ -368,7 +374,7 @@ def trajectory_numbers(
     Raises:
         AccuracyError: If the orbit neither reaches its end nor lies flat.
     """
-    duration = 2 if DRAWN_SET.fullmatch(case.item.set) else 10
+    duration = 2 if DRAWN_SET.fullmatch(case.entry.set) else 10
     times = [Fraction(n, 2) for n in range(1, 2 * duration + 1)]
     start = [exact(case.inputs[name]) for name in STATE_NAMES]
     if shift:
@@ -384,7 +390,7 @@ def trajectory_numbers(
         engine=engine,
     )
     if run.status not in (Status.REACHED, Status.FLAT):
-        raise AccuracyError(f"{case.item.id}: {run.message}")
+        raise AccuracyError(f"{case.entry.id}: {run.message}")
     samples = zip(times, run.y.T, run.uncertainty.T, strict=False)
     numbers = {
         f"{name}@{float(time):g}": pair
@@ -403,46 +409,46 @@ def trajectory_numbers(
     )
 
 
-def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> Values:
+def trajectory_values(case: Case, digits: int, *, shift: bool = False) -> MeasuredValues:
     """Return the numbers of an orbit in the paper's angles, with half-widths, by name.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         digits: Significant digits.
         shift: True to integrate in the angles minus pi/2.
     """
-    quarter = sum(_HALF_PI.bounds(WIDER_BITS)) / 2 if shift else Fraction(0)
+    quarter_turn = sum(_HALF_PI.bounds(WIDER_BITS)) / 2 if shift else Fraction(0)
     return {
         name: Measured.of(
-            fraction(value) + quarter * name.startswith(("beta", "gamma", "crossing_gamma")),
+            fraction(value) + quarter_turn * name.startswith(("beta", "gamma", "crossing_gamma")),
             float(width),
         )
         for name, (value, width) in trajectory_numbers(case, digits, shift=shift).items()
     }
 
 
-def _moved_orbit(case: Case, values: Values) -> dict[str, Any]:
+def _trajectory_in_double(case: Case, values: MeasuredValues) -> dict[str, Any]:
     return {
         name: value
         for name, (value, _) in trajectory_numbers(
-            case, 12, engine=PlainEngine(default_engine())
+            case, 12, engine=FixedToleranceEngine(default_engine())
         ).items()
     }
 
 
 # ------------------------------------------------------------------------------ cycles and Omega_h
-def _stored_numbers(case: Case, result: Any) -> Values:
-    """Return those numbers of a result that the reference data contain for this kind of question,
+def _asked_numbers(case: Case, result: Any) -> MeasuredValues:
+    """Return those numbers of a result that the reference data contain for this kind of entry,
     by name.
     """
-    return {name: getattr(result, name) for name in quantity_definitions()[case.item.kind]}
+    return {name: getattr(result, name) for name in quantity_definitions()[case.entry.kind]}
 
 
 def shoot_known_cycle(case: Case, values: Mapping[str, Any], engine: Engine) -> FixedPoint[Any]:
     """Find the fixed point of a limit cycle on its section by shooting in double precision,
     starting from known numbers.
     """
-    section = ROTATING if case.item.kind == "rotating-cycle" else LIBRATING
+    section = ROTATING if case.entry.kind == "rotating-cycle" else LIBRATING
     names = ("beta_bar_top", "v_top") if section is ROTATING else ("gamma_bar_0", "v_0")
     return shoot(
         ReturnMap(section, case.disk, case.inputs["Omega"], engine),
@@ -450,16 +456,16 @@ def shoot_known_cycle(case: Case, values: Mapping[str, Any], engine: Engine) -> 
     )
 
 
-def _cycle_in_double(case: Case, values: Values) -> dict[str, Any]:
+def _cycle_in_double(case: Case, values: MeasuredValues) -> dict[str, Any]:
     numbers = numbers_in_precision(shoot_known_cycle(case, values, default_engine()), DOUBLE)
-    return {name: float(numbers[name]) for name in quantity_definitions()[case.item.kind]}
+    return {name: float(numbers[name]) for name in quantity_definitions()[case.entry.kind]}
 
 
-def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values:
-    """Compute Omega_h and the saddle's eigenvalues there, by name, as answers to a question.
+def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> MeasuredValues:
+    """Compute Omega_h and the saddle's eigenvalues there, by name.
 
     Args:
-        case: The question in one reading.
+        case: The entry in one reading.
         digits: Significant digits.
         method: The method of `Disk.heteroclinic`.
     """
@@ -473,58 +479,58 @@ def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Values
     )
 
 
-_COMPUTE: dict[str, Callable[[Case, int], Values]] = {
-    "rhs": lambda case, digits: evaluated_twice(partial(_right_hand_side, case)),
+_FIRST_METHODS: dict[str, Callable[[Case, int], MeasuredValues]] = {
+    "rhs": lambda case, digits: evaluate_in_two_precisions(partial(_right_hand_side, case)),
     "equilibrium": _equilibrium,
-    "hopf": lambda case, digits: _stored_numbers(case, case.disk.hopf(digits=DIGITS)),
-    "harmonic-balance": lambda case, digits: _stored_numbers(
+    "hopf": lambda case, digits: _asked_numbers(case, case.disk.hopf(digits=DIGITS)),
+    "harmonic-balance": lambda case, digits: _asked_numbers(
         case,
         one_harmonic_law.one_harmonic(case.disk, case.inputs["Omega"], case.inputs["form"], DIGITS),
     ),
-    "slow-manifold": lambda case, digits: evaluated_twice(
-        partial(_slow_manifold, case), kept=BITS - 20
+    "slow-manifold": lambda case, digits: evaluate_in_two_precisions(
+        partial(_slow_manifold, case), correct_bits=BITS - 20
     ),
     "trajectory": trajectory_values,
     # On drawn disks the one-harmonic law is a good enough guess.
-    "limit-cycle": lambda case, digits: _stored_numbers(
+    "limit-cycle": lambda case, digits: _asked_numbers(
         case,
         shoot_limit_cycle(case.disk, case.inputs["Omega"], default_engine(), digits=digits)
-        if DRAWN_SET.fullmatch(case.item.set)
+        if DRAWN_SET.fullmatch(case.entry.set)
         else case.disk.limit_cycle(case.inputs["Omega"], digits=digits),
     ),
     "heteroclinic": omega_h_values,
-    "near-heteroclinic": lambda case, digits: _stored_numbers(
+    "near-heteroclinic": lambda case, digits: _asked_numbers(
         case, case.disk.limit_cycle(case.inputs["Omega"], digits=digits)
     ),
-    "rotating-cycle": lambda case, digits: _stored_numbers(
+    "rotating-cycle": lambda case, digits: _asked_numbers(
         case,
         case.disk.rotating_cycle(
             case.inputs["Omega"], stable=case.inputs["form"] == "stable", digits=digits
         ),
     ),
-    "rotation-fold": lambda case, digits: _stored_numbers(
+    "rotation-fold": lambda case, digits: _asked_numbers(
         case, case.disk.rotation_fold(digits=digits)
     ),
 }
-_COMPUTE_AGAIN: dict[str, Callable[[Case, int], Values]] = {
-    "rhs": lambda case, digits: evaluated_twice(
+_SECOND_METHODS: dict[str, Callable[[Case, int], MeasuredValues]] = {
+    "rhs": lambda case, digits: evaluate_in_two_precisions(
         partial(_right_hand_side, case, shift=True), WIDER_BITS, WIDER_BITS
     ),
     # Two nearly equal eigenvalues cost the algorithm half its digits. Just below Omega_crit a
     # numerator cancels.
-    "equilibrium": lambda case, digits: evaluated_twice(
-        partial(_eigenvalues, case), kept=BITS // 2
+    "equilibrium": lambda case, digits: evaluate_in_two_precisions(
+        partial(_eigenvalues, case), correct_bits=BITS // 2
     ),
-    "harmonic-balance": lambda case, digits: evaluated_twice(
-        partial(_one_harmonic_law, case), kept=BITS - 40
+    "harmonic-balance": lambda case, digits: evaluate_in_two_precisions(
+        partial(_one_harmonic_law, case), correct_bits=BITS - 40
     ),
     "trajectory": partial(trajectory_values, shift=True),
 }
-Plain = Callable[[Case, Values], Mapping[str, Any]]
+CheapEvaluation = Callable[[Case, MeasuredValues], Mapping[str, Any]]
 # A cheap function for each kind, and the relative step of its differences. A step of 1e-7 moves an
 # orbit of ten seconds by about 1e-4 after the passages, and rounding by 1e-9 of that. A step of
 # 1e-8 moves Omega_crit by 1e-7 and the fold by 1e-6.
-_PLAIN: dict[str, tuple[Plain, Fraction]] = {
+_CHEAP_EVALUATIONS: dict[str, tuple[CheapEvaluation, Fraction]] = {
     "rhs": (
         lambda case, values: _right_hand_side(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
@@ -542,7 +548,7 @@ _PLAIN: dict[str, tuple[Plain, Fraction]] = {
         lambda case, values: _slow_manifold(case, precision_of_bits(BITS).context),
         _RELATIVE_STEP,
     ),
-    "trajectory": (_moved_orbit, Fraction(1, 10**7)),
+    "trajectory": (_trajectory_in_double, Fraction(1, 10**7)),
     "limit-cycle": (_cycle_in_double, Fraction(1, 10**8)),
     "rotating-cycle": (_cycle_in_double, Fraction(1, 10**8)),
 }

@@ -20,10 +20,10 @@ from itertools import combinations
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.terms import (
-    NOTHING,
-    Piece,
+    ZERO_TERM,
+    EquationValues,
+    Substitution,
     Term,
-    Values,
     parse_definitions,
     parse_sum,
     sum_text,
@@ -256,20 +256,20 @@ REDEFINED: dict[str, tuple[str, ...]] = {
     ),
 }
 # The parts of the normal form at the Hopf point
-_FORM = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
-_PAIRS = [f"{name}_{part}" for name in _FORM for part in ("real", "imag")]
+_NORMAL_FORM_PARTS = ("g_gamma", "g_v", "rate_21", "rate_31", "rate_32")
+_NORMAL_FORM_INPUTS = [f"{name}_{part}" for name in _NORMAL_FORM_PARTS for part in ("real", "imag")]
 #: Changes of the inputs, by the sentence about them: the new definition of each input.
 INPUTS: dict[str, dict[str, str]] = {
     "the adjoint eigenvector p is not scaled to p q = 1": {
-        name: f"given(bare_{name})" for name in _PAIRS
+        name: f"given(unit_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "the adjoint eigenvector p is (i omega (i omega - A_33), A_32, i omega), not scaled to p q = "
-    "1": {name: f"given(raw_{name})" for name in _PAIRS},
+    "1": {name: f"given(unscaled_{name})" for name in _NORMAL_FORM_INPUTS},
     "the adjoint eigenvector is scaled by the conjugate of p q": {
-        name: f"given(turned_{name})" for name in _PAIRS
+        name: f"given(conjugate_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "the eigenvector q in place of the adjoint one": {
-        name: f"given(right_{name})" for name in _PAIRS
+        name: f"given(eigenvector_{name})" for name in _NORMAL_FORM_INPUTS
     },
     "A and B exchanged": {"A": "given(B)", "B": "given(A)"},
     "r and e exchanged": {"r": "given(e)", "e": "given(r)"},
@@ -367,21 +367,19 @@ _ANGLES = ("sin(beta)", "cos(beta)", "sin(gamma)", "cos(gamma)")
 _EXTRA_FACTORS = (
     *(
         (name, 1)
-        for name in ("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M", *_ANGLES)
+        for name in (*("Omega", "v", "m", "e", "r", "g", "rho", "mu", "epsilon", "M"), *_ANGLES)
     ),
     *((name, -1) for name in ("epsilon", "M", "Omega")),
 )
 # Additional numbers by which a term may be multiplied by mistake, each with its rank.
-_NUMBERS = {
+_EXTRA_NUMBERS = {
     **dict.fromkeys((0.5, 2.0), 1),
     **dict.fromkeys((1.5, 2 / 3, 1 / 3, 3.0, 4.0, 0.25), 2),
     **dict.fromkeys((0.75, 4 / 3, 6.0, 1 / 6, 8.0, 1 / 8), 3),
     **dict.fromkeys((np.pi, 1 / np.pi, 2 * np.pi, 1 / (2 * np.pi), np.pi / 180, 180 / np.pi), 3),
 }
-_COMPOSITE_SUMS = (
-    "recursion",
-    "residual",
-)  # sums whose parts are likelier to be wrong than the sums
+# Sums whose parts are likelier to be wrong than the sums
+_COMPOSITE_SUMS = ("recursion", "residual")
 # Factors by which a whole sum may be multiplied by mistake.
 _SUM_FACTORS = {
     "the wrong sign": Term(-1.0, ()),
@@ -391,8 +389,8 @@ _SUM_FACTORS = {
     **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
 }
 # Symbols that stand for sums, which may be wrong in one place only
-_SHARED = ("Bbar", "rho", "inertia")
-_SUMS = ("h_1", "h_2", "h_3", "h_4", "h_5")
+_SHARED_SUMS = ("Bbar", "rho", "inertia")
+_TERMS_OF_H = ("h_1", "h_2", "h_3", "h_4", "h_5")
 
 
 @dataclass(frozen=True)
@@ -401,14 +399,14 @@ class Change:
     of their terms.
     """
 
-    pieces: tuple[Piece, ...]
+    substitutions: tuple[Substitution, ...]
     sentence: str
     rank: int = 0  #: lower is likelier
     #: Changes with the same effect
-    others: tuple[Change, ...] = field(default=(), compare=False, repr=False)
+    equivalent: tuple[Change, ...] = field(default=(), compare=False, repr=False)
 
     @property
-    def order(self) -> tuple[int, bool, bool, int]:
+    def sort_key(self) -> tuple[int, bool, bool, int]:
         """The sort key by which changes with the same effect are ordered, the likelier mistakes
         first.
 
@@ -417,13 +415,13 @@ class Change:
         """
         return (
             self.rank,
-            self.pieces[0][1] is not None or self.pieces[0][0][0] == "(",
+            self.substitutions[0][1] is not None or self.substitutions[0][0][0] == "(",
             "term" not in self.sentence,
-            -(self.pieces[0][1] or 0),
+            -(self.substitutions[0][1] or 0),
         )
 
 
-def changes(values: Values, names: Iterable[str]) -> list[Change]:
+def changes(values: EquationValues, names: Iterable[str]) -> list[Change]:
     """Return all possible mistakes in some definitions and inputs of the equations, as single
     changes, each once.
 
@@ -434,31 +432,31 @@ def changes(values: Values, names: Iterable[str]) -> list[Change]:
         names: The names of the definitions and inputs that may be changed.
     """
     names = frozenset(names)
-    found: dict[tuple[Piece, ...], Change] = {}
+    unique: dict[tuple[Substitution, ...], Change] = {}
     for change in (
         *(change for name in sorted(names) for change in _definition_changes(name, values)),
         *(
-            _input_change(sentence, puts)
-            for sentence, puts in INPUTS.items()
-            if names & puts.keys()
+            _input_change(sentence, new_definitions)
+            for sentence, new_definitions in INPUTS.items()
+            if names & new_definitions.keys()
         ),
     ):
-        new = {x for *_, terms in change.pieces for term in terms for x, _ in term.factors}
-        changed = {name for name, *_ in change.pieces}
+        new = {x for *_, terms in change.substitutions for term in terms for x, _ in term.factors}
+        changed = {name for name, *_ in change.substitutions}
         if not any(changed & values.inputs_of(factor) for factor in new):
-            found.setdefault(change.pieces, change)
-    return list(found.values())
+            unique.setdefault(change.substitutions, change)
+    return list(unique.values())
 
 
-def _input_change(sentence: str, puts: Mapping[str, str]) -> Change:
-    pieces = tuple((name, None, parse_sum(text)) for name, text in puts.items())
+def _input_change(sentence: str, new_definitions: Mapping[str, str]) -> Change:
+    substitutions = tuple((name, None, parse_sum(text)) for name, text in new_definitions.items())
     unusual = any(word in sentence for word in ("ten", "hundred", "thousand"))
     return Change(
-        pieces, sentence if "vector" in sentence else f"the inputs: {sentence}", 2 + unusual
+        substitutions, sentence if "vector" in sentence else f"the inputs: {sentence}", 2 + unusual
     )
 
 
-def _definition_changes(name: str, values: Values) -> Iterator[Change]:
+def _definition_changes(name: str, values: EquationValues) -> Iterator[Change]:
     """Yield the possible mistakes in one definition: a change of the whole sum, of each term, or by
     a common factor.
 
@@ -466,19 +464,19 @@ def _definition_changes(name: str, values: Values) -> Iterator[Change]:
         name: The name of the definition.
         values: The program that contains it.
     """
-    terms = values.terms(name)
+    terms = values.terms_of(name)
     for text in REDEFINED.get(name, ()):
         yield Change(((name, None, parse_sum(text)),), f"{name} = {text}, not {sum_text(terms)}")
-    several = len(terms) > 1
+    is_sum = len(terms) > 1
     for n, term in enumerate(terms):
         for new, sentence, rank in (
-            _term_replacements(term, several or name in _SUMS) if term.number else ()
+            _term_replacements(term, is_sum or name in _TERMS_OF_H) if term.number else ()
         ):
             late = name in _COMPOSITE_SUMS or (name[0] == "(" and "(" in sum_text(new))
             yield Change(((name, n, new),), f"in {name}: {sentence}", rank + late)
-    for text, factor in _SUM_FACTORS.items() if several and name[0] != "(" else ():
+    for text, factor in _SUM_FACTORS.items() if is_sum and name[0] != "(" else ():
         yield Change(
-            tuple((name, n, (term.by(factor),)) for n, term in enumerate(terms)),
+            tuple((name, n, (term.times_term(factor),)) for n, term in enumerate(terms)),
             f"{name} has {text}",
             1,
         )
@@ -488,47 +486,52 @@ Replacement = tuple[tuple[Term, ...], str, int]  #: new terms, sentence, and ran
 
 
 @lru_cache(4096)
-def _term_replacements(term: Term, several: bool) -> tuple[Replacement, ...]:
+def _term_replacements(term: Term, one_of_several: bool) -> tuple[Replacement, ...]:
     """Return what people may write by mistake in place of a term, each with a sentence and a rank.
 
     Args:
         term: The term.
-        several: True if the term is one of several in a sum, so that it may be missing.
+        one_of_several: True if the term is one of several in a sum, so that it may be missing.
     """
     return (
-        *_other_numbers(term, several),
+        *_other_numbers(term, one_of_several),
         *_other_factors(term),
         *(  # two factors have exchanged their powers
-            _in_place(term, term.times(1.0, one, second - first).times(1.0, two, first - second), 1)
+            _replacement(
+                term, term.times(1.0, one, second - first).times(1.0, two, first - second), 1
+            )
             for (one, first), (two, second) in combinations(term.factors, 2)
             if first != second and first * second > 0
         ),
         *(
-            _in_place(term, term.times(1.0, name, power), 2)
+            _replacement(term, term.times(1.0, name, power), 2)
             for name, power in _EXTRA_FACTORS
             if name not in dict(term.factors)
         ),
     )
 
 
-def _in_place(old: Term, new: Term, rank: int) -> Replacement:
+def _replacement(old: Term, new: Term, rank: int) -> Replacement:
     return (new,), f"{sum_text((new,))} for {sum_text((old,))}", rank
 
 
-def _other_numbers(term: Term, several: bool) -> Iterator[Replacement]:
+def _other_numbers(term: Term, one_of_several: bool) -> Iterator[Replacement]:
     """Yield possible mistakes in a term of the equations: another number or sign, or a missing or
     doubled term.
 
     Args:
         term: The term.
-        several: True if the term is one of several in a sum, so that it may be missing or doubled.
+        one_of_several: True if the term is one of several in a sum, so that it may be missing or
+            doubled.
     """
-    if several:
-        yield (NOTHING,), f"the term {sum_text((term,))} is missing", 0
+    if one_of_several:
+        yield (ZERO_TERM,), f"the term {sum_text((term,))} is missing", 0
         yield (term.times(2.0),), f"the term {sum_text((term,))} is doubled", 2
-    yield (term.times(-1.0),), f"the sign of {sum_text((term,))}", 0 if several else 1
-    for number, rank in _NUMBERS.items():
-        new, sentence, rank = _in_place(term, term.times(number), rank + (len(term.factors) == 1))
+    yield (term.times(-1.0),), f"the sign of {sum_text((term,))}", 0 if one_of_several else 1
+    for number, rank in _EXTRA_NUMBERS.items():
+        new, sentence, rank = _replacement(
+            term, term.times(number), rank + (len(term.factors) == 1)
+        )
         if abs(number * term.number) == 1 and term.factors:
             sentence = f"the factor {abs(term.number):g} is missing in {sum_text((term,))}"
         yield new, sentence, rank
@@ -540,12 +543,13 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
     """
     for name, power in term.factors:
         one = 1 if power > 0 else -1  # the power next to 0 with the same sign
-        sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED else []
+        sums = [f"({text})" for text in REDEFINED[name]] if name in _SHARED_SUMS else []
         for other in (*IN_PLACE.get(name, ()), *sums):
-            rank = int(name in _SHARED and other.startswith("("))  # likelier wrong where defined
-            yield _in_place(term, term.with_factor_replaced(name, other, power), rank)
+            # A shared sum is likelier wrong where it is defined
+            rank = int(name in _SHARED_SUMS and other.startswith("("))
+            yield _replacement(term, term.with_factor_replaced(name, other, power), rank)
             if abs(power) > 1:
-                yield _in_place(term, term.with_factor_replaced(name, other, one), 1)
+                yield _replacement(term, term.with_factor_replaced(name, other, one), 1)
         yield (
             (term.times(1.0, name, -power),),
             f"the factor {name} is missing in {sum_text((term,))}",
@@ -553,10 +557,10 @@ def _other_factors(term: Term) -> Iterator[Replacement]:
         )
         for new, rank in {power - one: 0, one: 0, power + one: 1, -power: 1}.items():
             if new not in (0, power):
-                yield _in_place(term, term.times(1.0, name, new - power), rank)
-        yield _in_place(term, term.times(-1.0, name, -power), 3)
+                yield _replacement(term, term.times(1.0, name, new - power), rank)
+        yield _replacement(term, term.times(-1.0, name, -power), 3)
         if abs(power) > 1 and name.startswith(("sin", "cos")) and "^" not in name:
             inside = f"{name[:-1]}^{abs(power)})"  # sin(beta^2) for sin(beta)^2
-            yield _in_place(
+            yield _replacement(
                 term, term.with_factor_replaced(name, inside, one).times(1.0, name, one - power), 0
             )

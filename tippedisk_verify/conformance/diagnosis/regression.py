@@ -20,30 +20,32 @@ from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.dictionary import Change, changes
-from tippedisk_verify.conformance.diagnosis.tables import Answered, Array
-from tippedisk_verify.conformance.diagnosis.terms import Term, Values, parse_sum
+from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes
+from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term, parse_sum
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["RegressionProblem", "Search", "likelihood", "with_changes"]
+__all__ = ["RegressionProblem", "Search", "likelihood_sort_key", "program_with_changes"]
 
 _SAMPLES = 40  # wrong answers on which changes are tried; all answers must confirm them
 _RIGHT_SAMPLES = 8  # right answers on which changes are tried
 _ROUNDING_TOLERANCE = 1e-9  # relative difference of sums that are equal but for rounding
 _NEGLIGIBLE_SHARE = 1e-2  # of the allowed error; smaller changes do not count
-_DIRECTION = 0.15  # least squared cosine between the residual and the effect of a first change
+# Least squared cosine between the residual and the effect of a first change
+_MIN_SQUARED_COSINE = 0.15
 _HIGHEST_RANKS = {1: 9, 2: 2, 3: 1}  # highest rank of a change, by the number of changes in a set
 _MAX_FIRST_CHANGES = 12  # changes that are made first, where changes multiply
 # Digits of evidence that a set of changes needs: once, and for each change
-_ASSUMED = (2.0, 3.0)
+_EVIDENCE_ONCE, _EVIDENCE_PER_CHANGE = 2.0, 3.0
 _MAX_SIMILAR_SETS = 20_000  # sets with nearly the same sum: effects too small to tell them apart
 _TYPED_DIGITS = 6  # digits of a number that somebody types in
-_SOLVED = 4  # changes for which there must be evidence before such a number is proposed
+# Changes for which there must be evidence before such a number is proposed
+_MIN_EVIDENCE_FOR_TYPED_NUMBER = 4
 ChangeSet = tuple[Change, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class RegressionProblem(Answered):
+class RegressionProblem(ComparedAnswers):
     """The answers to one quantity, with its definition and an identity that right
     answers satisfy.
     """
@@ -54,7 +56,7 @@ class RegressionProblem(Answered):
     inputs: Mapping[str, Any]
 
     @np.errstate(all="ignore")
-    def fits(self, values: Values) -> bool:
+    def fits(self, values: EquationValues) -> bool:
         """Return True if a program with mistakes would give all these answers to the quantity.
 
         Wrong answers must be ten times closer to its values than to the truth.
@@ -62,18 +64,18 @@ class RegressionProblem(Answered):
         Args:
             values: The program with the inputs of these answers.
         """
-        return bool(self.fitted(np.real(values[self.definition]) + 0 * self.answer).all())
+        return bool(self.agrees_with(np.real(values[self.definition]) + 0 * self.answer).all())
 
     @cached_property
     def sample(self) -> Array:
         """The indices of the answers with which possible mistakes are tried: at most 40 wrong and 8
         right ones.
         """
-        picked = []
+        sampled_rows = []
         for mask, most in ((self.unexplained, _SAMPLES), (~self.unexplained, _RIGHT_SAMPLES)):
             rows = np.flatnonzero(mask)
-            picked.append(rows[:: max(1, len(rows) // most)][:most])
-        return np.sort(np.concatenate(picked))
+            sampled_rows.append(rows[:: max(1, len(rows) // most)][:most])
+        return np.sort(np.concatenate(sampled_rows))
 
     @cached_property
     @np.errstate(all="ignore")
@@ -86,20 +88,20 @@ class RegressionProblem(Answered):
         digits = np.log10(np.abs(self.answer - self.truth) / self.allowed)[self.unexplained]
         _, first = np.unique([f"{x:.8e}" for x in self.answer[self.unexplained]], return_index=True)
         evidence = np.clip(np.nan_to_num(digits[first]), 0, 8).sum()
-        return min(int((evidence - _ASSUMED[0]) / _ASSUMED[1]), len(self.sample))
+        return min(int((evidence - _EVIDENCE_ONCE) / _EVIDENCE_PER_CHANGE), len(self.sample))
 
 
-def likelihood(change_set: Iterable[Change]) -> list[int]:
+def likelihood_sort_key(change_set: Iterable[Change]) -> list[int]:
     """Return a key by which sets of changes are sorted: the likelier a set of mistakes, the lower
     its key.
 
     Args:
         change_set: The changes of the set.
     """
-    return [sum(parts) for parts in zip(*(change.order for change in change_set), strict=True)]
+    return [sum(parts) for parts in zip(*(change.sort_key for change in change_set), strict=True)]
 
 
-def with_changes(values: Values, change_set: Iterable[Change]) -> Values:
+def with_changes(values: EquationValues, change_set: Iterable[Change]) -> EquationValues:
     """Return the equations of a program after several changes have been made in them, one after
     another.
 
@@ -108,8 +110,24 @@ def with_changes(values: Values, change_set: Iterable[Change]) -> Values:
         change_set: The changes.
     """
     for change in change_set:
-        values = values.changed(change.pieces)
+        values = values.with_substitutions(change.substitutions)
     return values
+
+
+def program_with_changes(
+    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
+) -> EquationValues:
+    """Return the equations of a program with mistakes, ready for evaluation.
+
+    They are the right equations under a friction law, in which some changes have been made.
+
+    Args:
+        law: The friction law; the linear law unless it is "smooth".
+        change_set: The changes.
+        inputs: Values by name, each in place of the definition of that name.
+    """
+    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {})
+    return with_changes(right.with_inputs(**(inputs or {})), change_set)
 
 
 class Search:
@@ -128,8 +146,8 @@ class Search:
     def __call__(
         self,
         problem: RegressionProblem,
-        programs: Sequence[tuple[Values, frozenset[str]]],
-        efforts: int,
+        programs: Sequence[tuple[EquationValues, frozenset[str]]],
+        max_effort: int,
     ) -> list[tuple[int, ChangeSet]]:
         """Return the smallest sets of changes that give all answers to a quantity.
 
@@ -137,51 +155,55 @@ class Search:
             problem: The answers to the quantity, and its definition.
             programs: Programs with the problem's inputs, the likeliest first. Each comes with the
                 names of the definitions behind right answers, which are not changed.
-            efforts: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
+            max_effort: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
                 multiply. A higher effort is made only if the lower ones find nothing.
 
         Returns:
-            Pairs of a program's index and a set, at most one to a program; [] if nothing is found.
+            Pairs of a program's index and a set, at most one to a program; [] if nothing is sets.
         """
-        effects = [
-            self.effects(problem, program, right)
-            for program, right in programs
+        effects_by_program = [
+            self.evaluate_effects(problem, program, unchanged_names)
+            for program, unchanged_names in programs
             if self.remaining_changes > 0 and problem.max_changes > 0
         ]
-        for effort in range(1, efforts + 1):
-            found = [
+        for effort in range(1, max_effort + 1):
+            sets = [
                 (index, some)
-                for index, of in enumerate(effects)
-                for some in islice(filter(of.fits, self.proposed(of, effort)), 1)
+                for index, effects in enumerate(effects_by_program)
+                for some in islice(filter(effects.fits, self.proposed_sets(effects, effort)), 1)
             ]
-            if found:
-                return found
+            if sets:
+                return sets
         return []
 
-    def effects(
-        self, problem: RegressionProblem, program: Values, right: frozenset[str]
+    def evaluate_effects(
+        self, problem: RegressionProblem, program: EquationValues, unchanged_names: frozenset[str]
     ) -> _Effects:
-        found = _Effects(problem, program, right)
-        self.remaining_changes -= len(found.changes)
-        return found
+        effects = _Effects(problem, program, unchanged_names)
+        self.remaining_changes -= len(effects.changes)
+        return effects
 
-    def proposed(self, of: _Effects, effort: int) -> Iterator[ChangeSet]:
+    def proposed_sets(self, effects: _Effects, effort: int) -> Iterator[ChangeSet]:
         """Yield sets of changes that may give the wrong answers to a quantity: their effects cancel
         the residual.
 
         Args:
-            of: The effects of all single changes.
+            effects: The effects of all single changes.
             effort: The number of changes in a set, 1 to 3. 4 tries sets whose effects do not simply
                 add up.
         """
         if effort in _HIGHEST_RANKS:
-            yield from of.sums(effort, _HIGHEST_RANKS[effort])
-            yield from of.solved() if effort == 2 else ()
+            yield from effects.cancelling_sets(effort, _HIGHEST_RANKS[effort])
+            yield from effects.solved_parameters() if effort == 2 else ()
         elif self.remaining_changes > 0:
-            for first in of.first_changes():
-                after = self.effects(of.problem, of.program.changed(first.pieces), of.right)
+            for first in effects.first_changes():
+                after = self.evaluate_effects(
+                    effects.problem,
+                    effects.program.with_substitutions(first.substitutions),
+                    effects.unchanged_names,
+                )
                 for size, highest in ((1, 2), (2, 1)):
-                    for rest in after.sums(size, highest):
+                    for rest in after.cancelling_sets(size, highest):
                         yield (first, *rest)
 
 
@@ -194,29 +216,38 @@ class _Effects:
     Args:
         problem: The answers to a quantity, and its identity.
         program: The program that is changed.
-        right: The names of definitions that are not changed.
+        unchanged_names: The names of definitions that are not changed.
     """
 
-    def __init__(self, problem: RegressionProblem, program: Values, right: frozenset[str]) -> None:
-        self.problem, self.program, self.right = problem, program, right
+    def __init__(
+        self, problem: RegressionProblem, program: EquationValues, unchanged_names: frozenset[str]
+    ) -> None:
+        self.problem, self.program, self.unchanged_names = problem, program, unchanged_names
         self.identity, rows = parse_sum(problem.identity), problem.sample
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.inputs.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
         self.values = values = program.at_inputs(**given, answer=answer)
-        self.unit = unit = np.abs(
-            self.total(program.at_inputs(**given, answer=answer + allowed)) - self.total(values)
+        self.allowed_residual = allowed_residual = np.abs(
+            self.identity_value(program.at_inputs(**given, answer=answer + allowed))
+            - self.identity_value(values)
         )
-        self.residual = self.total(values) / unit
-        self.names = values.total(self.identity)[1] - {"answer"} - right
+        self.residual = self.identity_value(values) / allowed_residual
+        self.names = values.total(self.identity)[1] - {"answer"} - unchanged_names
         # Random weights: effects are compared by their weighted sums over the sample
         self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
         groups: dict[str, tuple[Array, list[Change]]] = {}
-        for change in sorted(changes(values, self.names), key=lambda change: change.order):
-            effect = self.total(values.changed(change.pieces)) / unit - self.residual
+        for change in sorted(changes(values, self.names), key=lambda change: change.sort_key):
+            effect = (
+                self.identity_value(values.with_substitutions(change.substitutions))
+                / allowed_residual
+                - self.residual
+            )
             if np.isfinite(effect).all() and np.abs(effect).max() > _NEGLIGIBLE_SHARE:
                 groups.setdefault(f"{effect @ self.weights:.8e}", (effect, []))[1].append(change)
         # The likeliest change of each effect, which keeps the others
-        self.changes = [replace(first, others=tuple(more)) for _, (first, *more) in groups.values()]
+        self.changes = [
+            replace(first, equivalent=tuple(more)) for _, (first, *more) in groups.values()
+        ]
         self.effects = np.array([effect for effect, _ in groups.values()]).reshape(-1, len(rows))
 
     def fits(self, change_set: ChangeSet) -> bool:
@@ -227,7 +258,7 @@ class _Effects:
             with_changes(self.program, change_set)
         )
 
-    def total(self, values: Values) -> Array:
+    def identity_value(self, values: EquationValues) -> Array:
         """Return the value of the quantity's identity for each answer of the sample; it is 0 for an
         answer that the program gives.
 
@@ -236,7 +267,7 @@ class _Effects:
         """
         return np.real(values.total(self.identity)[0] + 0 * values.inputs["answer"])
 
-    def sums(self, size: int, highest: int) -> Iterator[ChangeSet]:
+    def cancelling_sets(self, size: int, highest: int) -> Iterator[ChangeSet]:
         """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
         first.
 
@@ -250,25 +281,27 @@ class _Effects:
         if len(likely) < size:
             return
         # All changes of a set but the last, and the weighted sum that the last must have
-        marks = self.effects[likely] @ self.weights
+        weighted_effects = self.effects[likely] @ self.weights
         target = -float(self.residual @ self.weights)
         groups = np.array(list(combinations(range(len(likely)), size - 1)), dtype=int)
-        missing = target - marks[groups].sum(axis=1)
-        room = _ROUNDING_TOLERANCE * (abs(target) + np.abs(marks[groups]).sum(axis=1)) + 4.0
-        order = np.argsort(marks)
-        low = np.searchsorted(marks[order], missing - room)
-        high = np.searchsorted(marks[order], missing + room, side="right")
+        missing_effect = target - weighted_effects[groups].sum(axis=1)
+        tolerance = (
+            _ROUNDING_TOLERANCE * (abs(target) + np.abs(weighted_effects[groups]).sum(axis=1)) + 4.0
+        )
+        order = np.argsort(weighted_effects)
+        low = np.searchsorted(weighted_effects[order], missing_effect - tolerance)
+        high = np.searchsorted(weighted_effects[order], missing_effect + tolerance, side="right")
         if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
         sets: dict[tuple[int, ...], ChangeSet] = {}
         for group in np.flatnonzero(high > low).tolist():
             for last in order[low[group] : high[group]].tolist():
                 members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
-                if len(members) == size and self.cancel(members):
+                if len(members) == size and self.cancels_residual(members):
                     sets[members] = tuple(self.changes[n] for n in members)
-        yield from sorted(sets.values(), key=likelihood)
+        yield from sorted(sets.values(), key=likelihood_sort_key)
 
-    def cancel(self, members: tuple[int, ...]) -> bool:
+    def cancels_residual(self, members: tuple[int, ...]) -> bool:
         """Return True if the effects of changes add up to minus the residual, except for rounding.
 
         It is False if two of the changes concern the same term.
@@ -277,12 +310,14 @@ class _Effects:
             members: The indices of the changes.
         """
         chosen = self.effects[list(members)]
-        room = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
-        places = [piece[:2] for n in members for piece in self.changes[n].pieces]
-        left = np.abs(self.residual + chosen.sum(axis=0))
-        return len(set(places)) == len(places) and bool((left <= room).all())
+        tolerance = 2.0 + 1e-11 * (np.abs(self.residual) + np.abs(chosen).sum(axis=0))
+        places = [
+            substitution[:2] for n in members for substitution in self.changes[n].substitutions
+        ]
+        remainder = np.abs(self.residual + chosen.sum(axis=0))
+        return len(set(places)) == len(places) and bool((remainder <= tolerance).all())
 
-    def solved(self) -> Iterator[ChangeSet]:
+    def solved_parameters(self) -> Iterator[ChangeSet]:
         """Yield possible mistakes in the inputs: for each parameter, a wrong value that cancels the
         largest residual of the answers.
 
@@ -291,16 +326,18 @@ class _Effects:
         row = int(np.argmax(np.abs(self.residual)))
         for name in (one for one in SYMBOLS if one in self.names):
             old = float(np.ravel(self.values.inputs[name])[0])
-            last, off, x = old, self.residual[row] * self.unit[row], 1.001 * old
+            last, off, x = old, self.residual[row] * self.allowed_residual[row], 1.001 * old
             for _ in range(15):
-                now = self.total(self.values.changed([(name, None, (Term(x, ()),))]))[row]
+                now = self.identity_value(
+                    self.values.with_substitutions([(name, None, (Term(x, ()),))])
+                )[row]
                 if now == off or not np.isfinite(now):
                     break
                 last, off, x = x, now, float(x - now * (x - last) / (now - off))
-            if np.isfinite(x) and self.problem.max_changes >= _SOLVED:
+            if np.isfinite(x) and self.problem.max_changes >= _MIN_EVIDENCE_FOR_TYPED_NUMBER:
                 text = f"{x:.{_TYPED_DIGITS}g}"
-                piece = (name, None, (Term(float(text), ()),))
-                yield (Change((piece,), f"the inputs: {name} = {text}", 3),)
+                substitution = (name, None, (Term(float(text), ()),))
+                yield (Change((substitution,), f"the inputs: {name} = {text}", 3),)
 
     def first_changes(self) -> list[Change]:
         """Return up to twelve likely changes whose effects are nearly parallel to the answers'
@@ -309,7 +346,7 @@ class _Effects:
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
         pairs = zip(-along, self.changes, strict=True)
-        likely = [pair for pair in pairs if pair[0] < -_DIRECTION and pair[1].rank < 2]
+        likely = [pair for pair in pairs if pair[0] < -_MIN_SQUARED_COSINE and pair[1].rank < 2]
         return [
             change for _, change in sorted(likely, key=lambda pair: pair[0])[:_MAX_FIRST_CHANGES]
         ]

@@ -1,6 +1,6 @@
 """Relations of a quantity's answers to right values: a factor, a sign, a power, another place.
 
-A relation predicts answers from right values, or from the values of the mended program. Each
+A relation predicts answers from right values, or from the values of the reconstructed program. Each
 quantity is examined separately. A relation holds if it gives every wrong answer that it predicts.
 """
 
@@ -19,18 +19,19 @@ from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 
-__all__ = ["Relation", "condition_phrase", "relations_of"]
+__all__ = ["Relation", "condition_phrase", "relation_sentence", "relations_of"]
 
 # The least share of a quantity's wrong answers that a relation to another question must give.
-_COVERED = 0.4
+_MIN_COVERED_SHARE = 0.4
 _MIN_RELATED_ANSWERS = 3  # the least number of wrong answers that such a relation must give
-_EVIDENCE = 6.0  # digits by which a relation must beat the truth in all, so that it is no accident
-_MIN_SEPARATION = (
-    1e-4  # share of the allowed error; answers that are closer are no further evidence
-)
+# Digits by which a relation must beat the truth in all, so that it is no accident
+_MIN_EVIDENCE_DIGITS = 6.0
+# Share of the allowed error; answers that are closer are no further evidence
+_MIN_SEPARATION = 1e-4
+_MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _MIN_WRONG_SHARE = 0.9  # the least share of wrong answers among those that satisfy a condition
 _PI = math.pi
-_Function = Callable[[Array], Array]
+_ArrayFunction = Callable[[Array], Array]
 _FACTORS = {
     "2": 2.0,
     "3": 3.0,
@@ -60,7 +61,7 @@ _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 # Functions of the right value, by rank and sentence
-_FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _Function]] = {
+_FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _ArrayFunction]] = {
     0: {"has the wrong sign": np.negative},
     1: {
         "is the modulus of the right value": np.abs,
@@ -131,7 +132,7 @@ _FUNCTIONS_OF_TWO_VALUES: dict[str, Callable[[Array, Array], Array]] = {
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
 # Lists of questions, each with the pattern by which an id contains the place in the list
-_LISTS = {
+_QUESTION_LISTS = {
     "entry": r"/([^/]+)/[^/]+$",
     "sample in time": r"@([^/@]+)$",
     "crossing": r"#(\d+)$",
@@ -201,8 +202,12 @@ def _exchanged_questions(table: Table) -> Iterator[tuple[float, str, list[str]]]
     """
     for one, two in _EXCHANGEABLE_WORDS:
         what = "law" if one == "linear" else f"{two}/{one}"
-        yield 2.5, f"{{q}} has the values of the other {what}", _with_words(table, one, two)
-    for what, pattern in _LISTS.items():
+        yield (
+            2.5,
+            f"{{q}} has the values of the other {what}",
+            _ids_with_exchanged_words(table, one, two),
+        )
+    for what, pattern in _QUESTION_LISTS.items():
         matches = [re.search(pattern, id_) for id_ in table.ids]
         places = list(dict.fromkeys(match[1] for match in matches if match))
         if what != "entry":
@@ -227,7 +232,7 @@ def _with_word_replaced(match: re.Match[str], others: Mapping[str, str]) -> str:
     return match.string[:start] + others.get(match[1], "") + match.string[end:]
 
 
-def _with_words(table: Table, one: str, two: str) -> list[str]:
+def _ids_with_exchanged_words(table: Table, one: str, two: str) -> list[str]:
     """Return the ids of a table's answers with two words exchanged, except in the parameter set."""
     pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
     return [pattern.sub(lambda match: other[match[0]], id_) for id_ in table.ids]
@@ -243,30 +248,34 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
         table: The answers.
         truths: The right values by id.
     """
-    found = {}
+    values = {}
     names = list(zip(table.ids, table.quantity_names, table.names, strict=True))
     for name in np.unique(table.quantity_names).tolist():
-        found[name] = _right_values(
+        values[name] = _right_values(
             truths,
-            [id_.removesuffix(full) + name + full.removeprefix(stem) for id_, stem, full in names],
+            [
+                id_.removesuffix(full) + name + full.removeprefix(quantity)
+                for id_, quantity, full in names
+            ],
         )
     for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
-        found[f"the {sort} {name}"] = table.inputs[name][table.rows]
-    if "period" in found:
-        found["the angular frequency"] = 2 * _PI / found["period"]
+        values[f"the {sort} {name}"] = table.inputs[name][table.rows]
+    if "period" in values:
+        values["the angular frequency"] = 2 * _PI / values["period"]
     order = np.array([float(place.get("order", "nan")) for place in table.places])
-    found["epsilon^n"] = found["the parameter epsilon"] ** order
-    found["n!"] = np.array([math.gamma(n + 1) for n in order])
+    values["epsilon^n"] = values["the parameter epsilon"] ** order
+    values["n!"] = np.array([math.gamma(n + 1) for n in order])
     sums = [0 * order, 0 * order]
     for k in range(int(np.nanmax(order, initial=-1)) + 1):
         term = _right_values(truths, [re.sub(r"\d+$", str(k), id_) for id_ in table.ids])
-        for n, share in enumerate((1.0, found["the parameter epsilon"] ** k)):
+        for n, share in enumerate((1.0, values["the parameter epsilon"] ** k)):
             sums[n] = sums[n] + np.where(order >= k, share * term, 0.0)
-    found["the sum of all orders so far"], found["the sum of epsilon^k times all orders so far"] = (
-        sums
-    )
-    return found
+    (
+        values["the sum of all orders so far"],
+        values["the sum of epsilon^k times all orders so far"],
+    ) = sums
+    return values
 
 
 def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
@@ -311,37 +320,42 @@ def relations_of(
         truths: The right values by id, of all tables.
         variants: Predicted answers by the sentence about the mistake behind them.
     """
-    found = []
-    stems, group = np.unique(table.quantity_names, return_inverse=True)
+    relations = []
+    quantities, group = np.unique(table.quantity_names, return_inverse=True)
     wrong, conditions = np.bincount(group, table.unexplained), list(_conditions(table))
-    others = ((1, sentence, predicted) for sentence, predicted in variants.items())
-    for rank, sentence, predicted in chain(others, _predictions(table, truths)):
-        known = np.isfinite(predicted)
-        fits = table.fitted(predicted) & known
-        mine, against = fits & table.unexplained, known & ~fits
+    variant_predictions = ((1, sentence, predicted) for sentence, predicted in variants.items())
+    for rank, sentence, predicted in chain(variant_predictions, _predictions(table, truths)):
+        is_predicted = np.isfinite(predicted)
+        fits = table.agrees_with(predicted) & is_predicted
+        explained_mask, contradicted = fits & table.unexplained, is_predicted & ~fits
         distance = np.maximum(np.abs(table.answer - predicted), _MIN_SEPARATION * table.allowed)
-        digits = np.where(mine, np.log10(np.abs(table.answer - table.truth) / distance), 0.0)
+        digits = np.where(
+            explained_mask, np.log10(np.abs(table.answer - table.truth) / distance), 0.0
+        )
         evidence, explained, contradictions = (
-            np.bincount(group, one) for one in (digits, mine, against & table.unexplained)
+            np.bincount(group, one)
+            for one in (digits, explained_mask, contradicted & table.unexplained)
         )
         enough = (explained == wrong) | (
-            (explained >= _COVERED * wrong) & (explained >= _MIN_RELATED_ANSWERS)
+            (explained >= _MIN_COVERED_SHARE * wrong) & (explained >= _MIN_RELATED_ANSWERS)
         )
-        for n in np.flatnonzero(enough & (evidence > _EVIDENCE) & (contradictions == 0)).tolist():
+        for n in np.flatnonzero(
+            enough & (evidence > _MIN_EVIDENCE_DIGITS) & (contradictions == 0)
+        ).tolist():
             in_group = group == n
             for text, mask in conditions:
-                if not (in_group & np.where(mask, against, table.unexplained)).any():
-                    found.append(
+                if not (in_group & np.where(mask, contradicted, table.unexplained)).any():
+                    relations.append(
                         Relation(
                             rank + 5 * bool(text),
                             sentence + text,
                             table,
-                            str(stems[n]),
+                            str(quantities[n]),
                             in_group & table.unexplained,
                         )
                     )
                     break
-    return found
+    return relations
 
 
 def _conditions(
@@ -378,15 +392,15 @@ def condition_phrase(table: Table, gamma_y: Array) -> str:
         table: The answers.
         gamma_y: The sliding velocity of each entry.
     """
-    stems = np.unique(table.quantity_names[table.unexplained])
-    same, given = np.isin(table.quantity_names, stems), table.inputs
-    names = ", ".join(stems[:6]) + (", ..." if len(stems) > 6 else "")
+    quantities = np.unique(table.quantity_names[table.unexplained])
+    same, inputs = np.isin(table.quantity_names, quantities), table.inputs
+    names = ", ".join(quantities[:6]) + (", ..." if len(quantities) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
     signed = {
-        "v": given["v"],
-        "cos(beta)": np.cos(given["beta"]),
+        "v": inputs["v"],
+        "cos(beta)": np.cos(inputs["beta"]),
         "gamma_y": gamma_y,
-        "cos(gamma)": np.cos(given["gamma"]),
+        "cos(gamma)": np.cos(inputs["gamma"]),
     }
     for text, mask in _conditions(table, signed):
         inside, outside = table.unexplained[mask & same], table.unexplained[~mask & same]
@@ -397,3 +411,35 @@ def condition_phrase(table: Table, gamma_y: Array) -> str:
         ):
             return names + text
     return names
+
+
+def relation_sentence(
+    sentence: str, quantities: set[tuple[str, str]], all_quantities: set[tuple[str, str]]
+) -> str:
+    """Return the sentence about a relation of wrong answers, with the names of their quantities put
+    in.
+
+    Args:
+        sentence: The sentence, with {q} in place of the quantity.
+        quantities: The quantities of the relation, each as friction law and name.
+        all_quantities: All quantities of the level, in the same form.
+    """
+    names, laws = sorted({name for _, name in quantities}), {law for law, _ in quantities}
+    whole = quantities == all_quantities and len(quantities) >= _MIN_ALL_ANSWERS
+    text = (
+        "all answers"
+        if whole
+        else " and ".join([", ".join(names[:-1]), names[-1]])
+        if len(names) > 1
+        else names[0]
+    )
+    if len(names) > 1 or whole:
+        sentence = re.sub(
+            r"^\{q\} (is|has|counts)\b",
+            lambda verb: "{q} " + {"is": "are", "has": "have", "counts": "count"}[verb[1]],
+            sentence,
+        )
+    others = {(law, name) for law, name in all_quantities if name in names} - quantities
+    return sentence.replace("{q}", text) + (
+        f", under the {min(laws)} law" if others and len(laws) == 1 else ""
+    )

@@ -10,14 +10,13 @@ from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES, vector_field
 from tippedisk_verify.model.parameters import Constants
 
-__all__ = ["recognised_method"]
+__all__ = ["recognise_step_method"]
 
 _MAX_TRAJECTORIES = 3  # trajectories that a method is tried on
 _MAX_UNEXPLAINED_SHARE = 0.02  # share of the errors that a method may leave unexplained
 _STEPS = sorted(factor * 10.0**-k for k in range(2, 6) for factor in (1, 1.25, 2, 2.5, 4, 5))  # s
-_MAX_STEP_SIZES = (
-    4  # steps that are tried, nearest to the step that the order of the method suggests
-)
+# Steps that are tried, nearest to the step that the order of the method suggests
+_MAX_STEP_SIZES = 4
 _REFERENCE_STEP = 2e-3  # s, from which errors are extrapolated; friction damps at about 130/s
 # Methods by name: the order, the share of the step at which each slope after the first is
 # evaluated, and the weights of the slopes.
@@ -36,7 +35,7 @@ _INPUTS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon", "Omega", *STATE_NAMES)
 Scheme = tuple[int, tuple[float, ...], tuple[float, ...]]
 
 
-def _flown(
+def _integrated(
     rates: Callable[..., Sequence[Array]], state: Array, time: float, step: float, scheme: Scheme
 ) -> Array:
     """Return the states after a time, computed by a Runge-Kutta method with a fixed step.
@@ -58,7 +57,7 @@ def _flown(
 
 
 @np.errstate(all="ignore")
-def recognised_method(table: Table) -> str:
+def recognise_step_method(table: Table) -> str:
     """Return a sentence that names the fixed-step integrator whose errors the answers have.
 
     The sentence is empty if none is recognised. The errors of the first sample in time are
@@ -86,7 +85,7 @@ def recognised_method(table: Table) -> str:
     )
 
     def errors_of(scheme: Scheme, step: float) -> Array:
-        return np.asarray(_flown(rhs, np.array(start), time, step, scheme) - truths)
+        return np.asarray(_integrated(rhs, np.array(start), time, step, scheme) - truths)
 
     size = float(np.linalg.norm(errors))
     for name, scheme in _METHODS.items():

@@ -18,18 +18,18 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
-__all__ = ["EXPLAINED_LAST", "Answered", "Array", "Table", "tables_of"]
+__all__ = ["EXPLAINED_LAST", "Array", "ComparedAnswers", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
 _PREDICTION_FACTOR = 10.0
 #: How the names of quantities begin that are explained last: derivatives of v', and residuals
 EXPLAINED_LAST = ("dv_rate", "residual")
-_NO_NUMBER = ("no-truth", "not-a-number", "unreadable")
+_VERDICTS_WITHOUT_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
 @dataclass(frozen=True, eq=False)
-class Answered:
+class ComparedAnswers:
     """Answers together with the truth and the error that is allowed, as arrays of the
     same length.
     """
@@ -40,7 +40,7 @@ class Answered:
     unexplained: Array  #: mask of the answers that failed and are unexplained
 
     @np.errstate(all="ignore")
-    def fitted(self, predicted: Array, allowed: Array | None = None) -> Array:
+    def agrees_with(self, predicted: Array, allowed: Array | None = None) -> Array:
         """Return the mask of the answers that a prediction gives.
 
         A prediction gives an answer if the two differ by no more than is allowed. To a wrong,
@@ -59,7 +59,7 @@ class Answered:
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Table(Answered):
+class Table(ComparedAnswers):
     """The answers of a sheet to the questions of one kind under one friction law, with their
     truths.
 
@@ -106,13 +106,13 @@ class Table(Answered):
         Args:
             results: The computed values by the names of the quantities, one value to an entry.
         """
-        found = np.full(len(self.names), np.nan)
+        values_of_answers = np.full(len(self.names), np.nan)
         for name in np.unique(self.names):
             values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
-            found[self.names == name] = values[self.rows[self.names == name]]
-        return found
+            values_of_answers[self.names == name] = values[self.rows[self.names == name]]
+        return values_of_answers
 
-    def column(self, name: str) -> Answered:
+    def column(self, name: str) -> ComparedAnswers:
         """Return the answers to one quantity, one element to an entry.
 
         Entries without an answer have NaN, and count as explained.
@@ -122,11 +122,11 @@ class Table(Answered):
         """
         selected, arrays = self.names == name, []
         for array in (self.answer, self.truth, self.allowed, self.unexplained):
-            found = np.full(len(self.entries), np.nan)
-            found[self.rows[selected]] = array[selected]
-            arrays.append(found)
-        answer, truth, allowed, left = arrays
-        return Answered(answer, truth, allowed, left > 0)
+            by_entry = np.full(len(self.entries), np.nan)
+            by_entry[self.rows[selected]] = array[selected]
+            arrays.append(by_entry)
+        answer, truth, allowed, unexplained = arrays
+        return ComparedAnswers(answer, truth, allowed, unexplained > 0)
 
 
 @decimal_arithmetic()
@@ -141,7 +141,9 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
     """
     groups: dict[tuple[str, str], list[tuple[ReferenceValue, Grade]]] = {}
     for grade in grades:
-        if grade.verdict not in _NO_NUMBER and abs(as_decimal(grade.answer)) < Decimal("1e300"):
+        if grade.verdict not in _VERDICTS_WITHOUT_NUMBER and abs(
+            as_decimal(grade.answer)
+        ) < Decimal("1e300"):
             quantity = store[grade.id]
             groups.setdefault((quantity.kind, quantity.friction), []).append((quantity, grade))
     return [_table(some, store) for some in groups.values()]
@@ -151,10 +153,11 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
     first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
     entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
     inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]
-    given: dict[str, Any] = {
-        x: np.array([float(one.get(x, "nan")) for one in inputs]) for x in (*SYMBOLS, *_NUMBERS)
+    inputs_by_symbol: dict[str, Any] = {
+        x: np.array([float(one.get(x, "nan")) for one in inputs])
+        for x in (*SYMBOLS, *_NUMERIC_INPUTS)
     }
-    given |= {
+    inputs_by_symbol |= {
         word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")
     }
     cells = [
@@ -173,7 +176,7 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
         level=some[0][0].level,
         friction=some[0][0].friction,
         entries=entries,
-        inputs=given,
+        inputs=inputs_by_symbol,
         names=np.array([quantity.name for quantity, _ in some]),
         rows=rows,
         answer=answer,
@@ -184,4 +187,4 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
     )
 
 
-_NUMBERS = ("Omega", *STATE_NAMES)
+_NUMERIC_INPUTS = ("Omega", *STATE_NAMES)

@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 __all__ = [
-    "NOTHING",
-    "Piece",
+    "ZERO_TERM",
+    "EquationValues",
+    "Substitution",
     "Term",
-    "Values",
     "parse_definitions",
     "parse_sum",
     "sum_text",
@@ -51,7 +51,7 @@ class Term(NamedTuple):
             above = [number, *above]
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *below])
 
-    def by(self, other: Term) -> Term:
+    def times_term(self, other: Term) -> Term:
         """Return the product of this term and another one; factors of power 0 vanish."""
         powers = dict[str, int]()
         for name, power in (*self.factors, *other.factors):
@@ -67,7 +67,7 @@ class Term(NamedTuple):
             name: The factor; "" for none.
             power: The power of the factor.
         """
-        return self.by(Term(number, ((name, power),)))
+        return self.times_term(Term(number, ((name, power),)))
 
     def with_factor_replaced(self, old: str, new: str, power: int) -> Term:
         """Return the term with some powers of one factor replaced by as many of another.
@@ -85,8 +85,9 @@ class Term(NamedTuple):
 Terms = tuple[Term, ...]
 Definitions = Mapping[str, Terms]
 #: The name of a definition, the index of one of its terms (None for all), and the new terms
-Piece = tuple[str, int | None, Terms]
-NOTHING = Term(0.0, ())  #: in place of a missing term, so that the indices of the other terms stay
+Substitution = tuple[str, int | None, Terms]
+#: In place of a missing term, so that the indices of the other terms stay
+ZERO_TERM = Term(0.0, ())
 
 
 _NESTED = r"[^()]*"  # text with parentheses in it, up to the depth that definitions have
@@ -145,7 +146,7 @@ _IMAGINARY_STEP = 1e-30
 
 
 @dataclass(eq=False)
-class Values:
+class EquationValues:
     """The values of the definitions in a set of equations, for given inputs.
 
     Each is computed once, on demand.
@@ -156,22 +157,22 @@ class Values:
     #: The values computed so far, each with the names from which it is computed
     computed: dict[str, tuple[Any, frozenset[str]]] = field(default_factory=dict)
 
-    def at_inputs(self, **inputs: Any) -> Values:
+    def at_inputs(self, **inputs: Any) -> EquationValues:
         """Return the values of the same equations for other or additional inputs."""
-        return Values(self.definitions, {**self.inputs, **inputs})
+        return EquationValues(self.definitions, {**self.inputs, **inputs})
 
-    def with_inputs(self, **inputs: Any) -> Values:
+    def with_inputs(self, **inputs: Any) -> EquationValues:
         """Return the values of the equations when some definitions are replaced by inputs of the
         same names.
         """
-        return Values(
+        return EquationValues(
             {name: terms for name, terms in self.definitions.items() if name not in inputs},
             {**self.inputs, **inputs},
         )
 
     def __getitem__(self, name: str) -> Any:
         if name not in self.computed:
-            self.computed[name] = self._computed(name)
+            self.computed[name] = self._compute(name)
         return self.computed[name][0]
 
     def inputs_of(self, name: str) -> frozenset[str]:
@@ -181,12 +182,12 @@ class Values:
         self[name]
         return self.computed[name][1]
 
-    def terms(self, name: str) -> Terms:
+    def terms_of(self, name: str) -> Terms:
         """Return the terms of a definition by its name, or those of a sum in parentheses; () for
         other names.
         """
-        found = self.definitions.get(name, ())
-        return parse_sum(name[1:-1]) if name.startswith("(") and not found else found
+        terms = self.definitions.get(name, ())
+        return parse_sum(name[1:-1]) if name.startswith("(") and not terms else terms
 
     def total(self, terms: Terms) -> tuple[Any, frozenset[str]]:
         total: Any = np.float64(0.0)
@@ -199,8 +200,8 @@ class Values:
             total = total + product
         return total, names
 
-    def _computed(self, name: str) -> tuple[Any, frozenset[str]]:
-        terms = self.terms(name)
+    def _compute(self, name: str) -> tuple[Any, frozenset[str]]:
+        terms = self.terms_of(name)
         if terms or name in self.definitions:
             value, names = self.total(terms)
         elif name.startswith("given("):
@@ -216,23 +217,23 @@ class Values:
             value = FUNCTIONS[function](value)
         return value, names | {name}
 
-    def changed(self, pieces: Sequence[Piece]) -> Values:
+    def with_substitutions(self, substitutions: Sequence[Substitution]) -> EquationValues:
         """Return the values of the equations after a change of definitions; this object stays as it
         is.
 
         Values that do not depend on the changed definitions are not computed again.
 
         Args:
-            pieces: The parts of the change, each as a name, the index of a term or None, and new
-                terms.
+            substitutions: The parts of the change, each as a name, the index of a term or None, and
+                new terms.
         """
-        names, definitions = frozenset(piece[0] for piece in pieces), dict(self.definitions)
-        for name, index, terms in pieces:
-            old = definitions.get(name) or self.terms(name)
+        names, definitions = frozenset(name for name, *_ in substitutions), dict(self.definitions)
+        for name, index, terms in substitutions:
+            old = definitions.get(name) or self.terms_of(name)
             if index is not None:
                 terms = (*old[:index], *terms, *old[index + 1 :])
             definitions[name] = terms
-        return Values(
+        return EquationValues(
             definitions,
             self.inputs,
             {name: item for name, item in self.computed.items() if not item[1] & names},

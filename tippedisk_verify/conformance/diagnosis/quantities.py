@@ -1,25 +1,36 @@
 """Levels 1 to 5: the definitions of the quantities, and the values that they give for a table.
 
 A *problem* has the answers to one quantity, and an identity that is linear in the terms of the
-quantity's definition. `regression` searches for changes by such identities. `PREDICTED` has the
+quantity's definition. `regression` searches for changes by such identities. `PREDICTIONS` has the
 formulas by which a program with known mistakes would answer. An answer that one of them gives
 counts as explained.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from tippedisk_verify.conformance.diagnosis.regression import RegressionProblem
-from tippedisk_verify.conformance.diagnosis.tables import Answered, Array, Table
-from tippedisk_verify.conformance.diagnosis.terms import Values
+from tippedisk_verify.conformance.diagnosis.dictionary import Change
+from tippedisk_verify.conformance.diagnosis.regression import (
+    RegressionProblem,
+    program_with_changes,
+)
+from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers, Table
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues
 from tippedisk_verify.model.equations import STATE_NAMES
 
-__all__ = ["PREDICTED", "VARIANTS", "Results", "base_values", "problems"]
+__all__ = [
+    "MISTAKEN_PREDICTIONS",
+    "PREDICTIONS",
+    "Results",
+    "predicted_answers",
+    "regression_problems",
+    "values_at_entries",
+]
 
 Results = dict[str, Any]  #: values by the name of the quantity, one to an entry
 _ORDERS = range(6)
@@ -51,7 +62,7 @@ _DEFINITIONS: dict[str, dict[str, str]] = {
     },
 }
 # By quantity: the definition in whose place the answers are put, where other definitions use it
-_ANSWERED = {
+_REPLACED_BY_ANSWERS = {
     "v_rate": "answered_rate",
     "omega_crit": "hopf_speed",
     "amplitude": "answered_amplitude",
@@ -69,19 +80,20 @@ _IDENTITIES = {
     "frequency": "answer^2 - frequency_squared",
     "h_next": "drag answer - recursion",
 }
-_NODES, _RADIUS = 16, 0.09  # of the circles [rad] on which the slow manifold is differentiated
-_ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_NODES) / _NODES)
+# The nodes, and the radius [rad], of the circles on which the slow manifold is differentiated
+_CIRCLE_NODES, _CIRCLE_RADIUS = 16, 0.09
+_ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_CIRCLE_NODES) / _CIRCLE_NODES)
 
 
-def base_values(definitions: Mapping[str, Any], table: Table) -> Values:
+def values_at_entries(table: Table, change_set: Iterable[Change] = ()) -> EquationValues:
     """Return the values of a program's definitions for the inputs of a table's entries.
 
     Args:
-        definitions: The definitions by name.
         table: The table. Its words for the equilibrium and the form become numbers.
+        change_set: The changes of the right equations that the program has.
     """
-    return Values(
-        definitions,
+    return EquationValues(
+        program_with_changes(table.friction, change_set).definitions,
         {
             **table.inputs,
             "side": np.where(table.inputs["equilibrium"] == "noninverted", -1.0, 1.0),
@@ -92,7 +104,7 @@ def base_values(definitions: Mapping[str, Any], table: Table) -> Values:
 
 
 # ---- what definitions predict
-def predict_results(kind: str, values: Values) -> Results:
+def predict_results(kind: str, values: EquationValues) -> Results:
     """Return the values that a program computes for all quantities of a kind, by name, one value to
     an entry.
 
@@ -100,14 +112,14 @@ def predict_results(kind: str, values: Values) -> Results:
         kind: The kind of the questions, such as "rhs".
         values: The definitions with the inputs of the entries.
     """
-    parts = _PARTS[kind](values) if kind in _PARTS else {}
+    parts = _FURTHER_INPUTS[kind](values) if kind in _FURTHER_INPUTS else {}
     return {
         name: (values.at_inputs(**parts[name]) if name in parts else values)[definition]
         for name, definition in _DEFINITIONS[kind].items()
     }
 
 
-def matrix(values: Values, **place: Any) -> Array:
+def linearised_matrices(values: EquationValues, **place: Any) -> Array:
     """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
 
     Args:
@@ -119,10 +131,12 @@ def matrix(values: Values, **place: Any) -> Array:
     at = values.at_inputs(
         **{x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
     )
-    return _assembled(at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values)
+    return _assemble_matrices(
+        at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values
+    )
 
 
-def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
+def _assemble_matrices(gamma_slope: Any, last_row: list[Any], values: EquationValues) -> Array:
     """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
 
     Args:
@@ -130,18 +144,18 @@ def _assembled(gamma_slope: Any, last_row: list[Any], values: Values) -> Array:
         last_row: The derivatives of v' by beta, gamma and v.
         values: The definitions with the inputs of the entries.
     """
-    found = np.zeros((len(values["r"]), 3, 3))
-    found[:, 0, 2], found[:, 1, 0] = 1.0, gamma_slope
-    found[:, 2, 0], found[:, 2, 1], found[:, 2, 2] = last_row
-    return found
+    matrices = np.zeros((len(values["r"]), 3, 3))
+    matrices[:, 0, 2], matrices[:, 1, 0] = 1.0, gamma_slope
+    matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = last_row
+    return matrices
 
 
 def _spectrum(
     matrices: Array,
     solve: Callable[[Array], Array] = np.linalg.eigvals,
     key: Callable[[Array], Array] = np.real,
-    up: int = -1,
-    first: int = -1,
+    key_direction: int = -1,
+    imaginary_direction: int = -1,
 ) -> Results:
     """Return the real and imaginary parts of three eigenvalues by name, such as ``lambda_1_re``.
 
@@ -151,12 +165,13 @@ def _spectrum(
         matrices: The matrices, one to an entry.
         solve: The function that computes the eigenvalues.
         key: The function of the eigenvalues by which they are sorted.
-        up: 1 for ascending keys, -1 for descending ones.
-        first: 1 to sort those with equal keys by ascending imaginary part, -1 by descending one.
+        key_direction: 1 for ascending keys, -1 for descending ones.
+        imaginary_direction: 1 to sort those with equal keys by ascending imaginary part, -1 by
+            descending one.
     """
     finite = np.isfinite(matrices).all(axis=(1, 2), keepdims=True)
     z = solve(np.where(finite, matrices, 0.0)).astype(complex)
-    order = np.lexsort((first * z.imag, up * np.round(key(z), 9)), axis=-1)
+    order = np.lexsort((imaginary_direction * z.imag, key_direction * np.round(key(z), 9)), axis=-1)
     z = np.take_along_axis(z, order, axis=-1)
     return {f"lambda_{n + 1}_re": z[:, n].real for n in range(3)} | {
         f"lambda_{n + 1}_im": z[:, n].imag for n in range(3)
@@ -164,7 +179,7 @@ def _spectrum(
 
 
 @np.errstate(all="ignore")
-def normal_form(values: Values) -> dict[str, dict[str, Array]]:
+def hopf_inputs(values: EquationValues) -> dict[str, dict[str, Array]]:
     """Return the inputs from which each quantity at the Hopf point is computed, by its name.
 
     They are sums over the critical eigenvector q and the adjoint eigenvector p at the Hopf speed.
@@ -174,18 +189,21 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
         values: The definitions with the inputs of the entries.
     """
     speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
-    j = matrix(values, Omega=speed)
+    j = linearised_matrices(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
     p = np.array([1j * omega * (1j * omega - j[:, 2, 2]), j[:, 2, 1] + 0j, 1j * omega])
     q, normal = (x / np.sqrt((np.abs(x) ** 2).sum(axis=0)) for x in (q, p))
     c = [_cubic(values, speed, x) for x in (q + q.conj(), q - q.conj(), q.conj())]
     cubic, product = (c[0] - c[1] - 2 * c[2]) / 6, (normal * q).sum(axis=0)
-    faster, slower = matrix(values, Omega=1.5 * speed), matrix(values, Omega=0.5 * speed)
+    faster, slower = (
+        linearised_matrices(values, Omega=1.5 * speed),
+        linearised_matrices(values, Omega=0.5 * speed),
+    )
     by_speed = (faster - slower) / speed[:, None, None]  # exact: linear in the speed's square
-    found = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
+    inputs = {f"q_{name}": np.abs(x) for name, x in zip(STATE_NAMES, q, strict=True)}
     # The index of a component of the adjoint eigenvector, and the factor that it gets
-    parts = {
+    adjoint_terms = {
         "g_gamma": (1, cubic[0]),
         "g_v": (2, cubic[1]),
         "rate_21": (1, by_speed[:, 1, 0] * q[0]),
@@ -194,19 +212,19 @@ def normal_form(values: Values) -> dict[str, dict[str, Array]]:
     }
     adjoints = {
         "": normal / product,
-        "bare_": normal,
-        "raw_": p,
-        "turned_": normal / product.conj(),
-        "right_": q.conj(),
+        "unit_": normal,
+        "unscaled_": p,
+        "conjugate_": normal / product.conj(),
+        "eigenvector_": q.conj(),
     }
     for prefix, adjoint in adjoints.items():
-        for name, (row, factor) in parts.items():
-            found[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
-            found[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
-    return dict.fromkeys(_DEFINITIONS["hopf"], found)
+        for name, (row, factor) in adjoint_terms.items():
+            inputs[f"{prefix}{name}_real"] = (adjoint[row] * factor).real
+            inputs[f"{prefix}{name}_imag"] = (adjoint[row] * factor).imag
+    return dict.fromkeys(_DEFINITIONS["hopf"], inputs)
 
 
-def _cubic(values: Values, speed: Array, q: Array) -> Array:
+def _cubic(values: EquationValues, speed: Array, q: Array) -> Array:
     """Return the third derivatives of gamma' and v' along a direction at the inverted equilibrium.
 
     They are computed from the values on a circle in the complex plane. The shape is (2, entries).
@@ -240,14 +258,14 @@ def _slope(f: Array, axis: int, radius: Array) -> Array:
     Returns:
         The derivative at the same points, as an array of the same shape.
     """
-    k, shape = np.arange(_NODES), [-1 if n == axis else 1 for n in range(3)]
+    k, shape = np.arange(_CIRCLE_NODES), [-1 if n == axis else 1 for n in range(3)]
     return np.asarray(
         np.fft.ifft(np.fft.fft(f, axis=axis) * k.reshape(shape), axis=axis)
         / (radius * _ROOTS_OF_UNITY.reshape(shape))
     )
 
 
-def series(values: Values) -> dict[str, dict[str, Any]]:
+def slow_manifold_inputs(values: EquationValues) -> dict[str, dict[str, Any]]:
     """Return the inputs of the definitions of each order and each residual on the slow manifold.
 
     They are given by the quantity's name: the sums over lower orders for an order, and v with its
@@ -257,22 +275,24 @@ def series(values: Values) -> dict[str, dict[str, Any]]:
         values: The definitions with the inputs of the entries.
     """
     # The circles are small near sin(beta) = 0, where the orders diverge.
-    radius = np.asarray(_RADIUS * np.abs(np.sin(values["beta"])))
+    radius = np.asarray(_CIRCLE_RADIUS * np.abs(np.sin(values["beta"])))
     shifts = radius * _ROOTS_OF_UNITY[:, None, None], radius * _ROOTS_OF_UNITY[None, :, None]
     state = {x: values[x] + shift for x, shift in zip(("beta", "gamma"), shifts, strict=True)}
     base = values.with_inputs(**state, v=1.0)
     h = [base["h_0"] + 0 * base["drag"]]
     base["recursion_parts"]  # computed once for all orders
-    found = {"residual_0": _partial(values, h, radius)}
+    inputs = {"residual_0": _truncated_series(values, h, radius)}
     for n in _ORDERS[1:]:
-        sums = _sums(h, radius)
-        found[f"h_{n}"] = {key: _centre(x) for key, x in sums.items()} | {"v": 1.0}
-        h += [Values(base.definitions, {**base.inputs, **sums}, dict(base.computed))["h_next"]]
-        found[f"residual_{n}"] = _partial(values, h, radius)
-    return found
+        sums = _lower_order_sums(h, radius)
+        inputs[f"h_{n}"] = {key: _mean_on_circles(x) for key, x in sums.items()} | {"v": 1.0}
+        h += [
+            EquationValues(base.definitions, {**base.inputs, **sums}, dict(base.computed))["h_next"]
+        ]
+        inputs[f"residual_{n}"] = _truncated_series(values, h, radius)
+    return inputs
 
 
-def _sums(h: list[Array], radius: Array) -> dict[str, Any]:
+def _lower_order_sums(h: list[Array], radius: Array) -> dict[str, Any]:
     """Return the sums over lower orders from which the next order is computed, by symbol.
 
     The wrong sums that people write in their place are among them.
@@ -303,11 +323,11 @@ def _sums(h: list[Array], radius: Array) -> dict[str, Any]:
     }
 
 
-def _centre(x: Any) -> Any:
+def _mean_on_circles(x: Any) -> Any:
     return x.mean(axis=(0, 1)).real if np.ndim(x) == 3 else x
 
 
-def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
+def _truncated_series(values: EquationValues, h: list[Array], radius: Array) -> dict[str, Any]:
     """Return v and its derivatives with respect to beta and gamma by the series so far, by symbol.
 
     Names with ``_last`` stand for the last term alone, and those with ``_before`` for the other
@@ -318,33 +338,33 @@ def _partial(values: Values, h: list[Array], radius: Array) -> dict[str, Any]:
         h: The orders so far, each by its values on circles about each state.
         radius: The radius of the circles [rad], one to an entry.
     """
-    found, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
+    sums, slopes = dict[str, Any](), [[_slope(one, axis, radius) for one in h] for axis in (0, 1)]
     for name, orders in zip(("v", "slope_beta", "slope_gamma"), (h, *slopes), strict=True):
-        terms = [values["epsilon"] ** k * _centre(one) for k, one in enumerate(orders)]
-        found[name], found[f"{name}_last"] = sum(terms), terms[-1]
-        found[f"{name}_before"] = sum(terms[:-1]) + 0 * values["epsilon"]
-    return found
+        terms = [values["epsilon"] ** k * _mean_on_circles(one) for k, one in enumerate(orders)]
+        sums[name], sums[f"{name}_last"] = sum(terms), terms[-1]
+        sums[f"{name}_before"] = sum(terms[:-1]) + 0 * values["epsilon"]
+    return sums
 
 
 # Functions that compute further inputs of the definitions by quantity, for some kinds
-_PARTS: dict[str, Callable[[Values], dict[str, dict[str, Any]]]] = {
-    "hopf": normal_form,
-    "slow-manifold": series,
+_FURTHER_INPUTS: dict[str, Callable[[EquationValues], dict[str, dict[str, Any]]]] = {
+    "hopf": hopf_inputs,
+    "slow-manifold": slow_manifold_inputs,
 }
 #: Functions that compute the quantities of a kind from a program's values, by different formulas
-PREDICTED: dict[str, tuple[Callable[[Values], Results], ...]] = {
+PREDICTIONS: dict[str, tuple[Callable[[EquationValues], Results], ...]] = {
     **{kind: (partial(predict_results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
         lambda values: _spectrum(
-            _assembled(
+            _assemble_matrices(
                 values["Omega"], [values[name] for name in _DEFINITIONS["equilibrium"]], values
             )
         ),
-        lambda values: _spectrum(matrix(values)),
+        lambda values: _spectrum(linearised_matrices(values)),
     ),
 }
 # States and speeds at which the equations are linearised by mistake, by the sentence about it
-_PLACES = {
+_WRONG_EQUILIBRIA = {
     "noninverted spinning is taken at (3 pi/2, pi/2, 0)": {
         "beta": "pi - 1/2 side pi",
         "gamma": "1/2 pi",
@@ -359,7 +379,7 @@ _PLACES = {
     "the eigenvalues are at the first entry's Omega": {"Omega": "first(Omega)"},
 }
 # Matrices by which the right one is multiplied from the left, by the sentence about the mistake
-_FACTORS = {
+_MATRIX_FACTORS = {
     "the matrix has the rows of gamma and v exchanged": np.eye(3)[[0, 2, 1]],
     "the matrix has the rows of beta and gamma exchanged": np.eye(3)[[1, 0, 2]],
     "the matrix has no d(gamma')/d(beta)": np.diag([1.0, 0.0, 1.0]),
@@ -367,18 +387,18 @@ _FACTORS = {
     "the matrix has the wrong sign": -np.eye(3),
 }
 # Keys by which eigenvalues may be sorted
-_SORTED: dict[str, Callable[[Array], Array]] = {
+_SORT_KEYS: dict[str, Callable[[Array], Array]] = {
     "real parts": np.real,
     "moduli": np.abs,
     "imaginary parts": np.imag,
     "moduli of the imaginary parts": lambda z: np.abs(z.imag),
 }
-_UNIT = np.eye(3)
+_IDENTITY_MATRIX = np.eye(3)
 
 
-def _variant(
-    place: Mapping[str, str] | None = None, factor: Array = _UNIT, **how: Any
-) -> Callable[[Values], Results]:
+def _mistaken_spectrum(
+    place: Mapping[str, str] | None = None, factor: Array = _IDENTITY_MATRIX, **how: Any
+) -> Callable[[EquationValues], Results]:
     """Return a function that computes eigenvalues with a mistake, from a program's values.
 
     Args:
@@ -386,75 +406,106 @@ def _variant(
         factor: A matrix by which the right one is multiplied from the left.
         how: Options of `_spectrum`, by which the eigenvalues are found and sorted.
     """
-    return lambda values: _spectrum(factor @ matrix(values, **(place or {})), **how)
+    return lambda values: _spectrum(factor @ linearised_matrices(values, **(place or {})), **how)
 
 
 #: Functions that compute the quantities of a kind with a mistake, by the sentence about it
-VARIANTS: dict[str, dict[str, Callable[[Values], Results]]] = {
+MISTAKEN_PREDICTIONS: dict[str, dict[str, Callable[[EquationValues], Results]]] = {
     "equilibrium": {
-        **{sentence: _variant(place=place) for sentence, place in _PLACES.items()},
-        **{sentence: _variant(factor=factor) for sentence, factor in _FACTORS.items()},
         **{
-            f"the eigenvalues are those of a symmetric matrix ({part} part)": _variant(
+            sentence: _mistaken_spectrum(place=place)
+            for sentence, place in _WRONG_EQUILIBRIA.items()
+        },
+        **{
+            sentence: _mistaken_spectrum(factor=factor)
+            for sentence, factor in _MATRIX_FACTORS.items()
+        },
+        **{
+            f"the eigenvalues are those of a symmetric matrix ({part} part)": _mistaken_spectrum(
                 solve=partial(np.linalg.eigvalsh, UPLO=part[0].upper())
             )
             for part in ("lower", "upper")
         },
         **{
             f"the eigenvalues are in another order: {sense} {text}"
-            f", the {sign} imaginary part first": _variant(key=key, up=up, first=first)
-            for text, key in _SORTED.items()
-            for up, sense in ((1, "ascending"), (-1, "descending"))
-            for first, sign in ((1, "negative"), (-1, "positive"))
+            f", the {sign} imaginary part first": _mistaken_spectrum(
+                key=key, key_direction=key_direction, imaginary_direction=sign_direction
+            )
+            for text, key in _SORT_KEYS.items()
+            for key_direction, sense in ((1, "ascending"), (-1, "descending"))
+            for sign_direction, sign in ((1, "negative"), (-1, "positive"))
         },
     },
 }
 
 
+@np.errstate(all="ignore")
+def predicted_answers(
+    table: Table,
+    change_set: Iterable[Change],
+    function: Callable[[EquationValues], Results] | None = None,
+) -> Array:
+    """Return the answers that a program with some mistakes would give to a table's questions.
+
+    They are NaN where the program computes no value.
+
+    Args:
+        table: The table, with the inputs of its entries.
+        change_set: The changes of the equations that the program has.
+        function: A function from the program's values to the quantities; by default the right
+            formulas.
+    """
+    values = values_at_entries(table, change_set)
+    return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
+
+
 # ---- the searches
-def problems(table: Table, base: Values) -> list[RegressionProblem]:
+def regression_problems(table: Table, change_set: Iterable[Change]) -> list[RegressionProblem]:
     """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
-    A problem has the answers to one quantity and its definition. The problems are in the order of
-    the equations. Where a definition depends on other quantities, the program's own answers to them
+    A problem has the answers to one quantity and its definition. The problems are in the order of the
+    equations. Where a definition depends on other quantities, the program's own answers to them
     are used, so that a mistake in them is not counted twice.
 
     Args:
         table: The table.
-        base: The values of a program's definitions at the inputs of the table's entries.
+        change_set: The changes of the equations that the program is known to have.
     """
+    base = values_at_entries(table, change_set)
     base = base.with_inputs(
         **{
             definition: np.where(
                 np.isfinite(answer := table.column(name).answer), answer, base[definition]
             )
-            for name, definition in _ANSWERED.items()
+            for name, definition in _REPLACED_BY_ANSWERS.items()
             if name in table.names
         }
     )
-    parts = _PARTS[table.kind](base) if table.kind in _PARTS else {}
-    columns = _entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
-    found = []
+    parts = _FURTHER_INPUTS[table.kind](base) if table.kind in _FURTHER_INPUTS else {}
+    matrix_entries = (
+        _answered_matrix_entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
+    )
+    problems = []
     for name, definition in _DEFINITIONS[table.kind].items():
-        cells = columns.get(name) or table.column(name)
-        rows = np.flatnonzero(np.isfinite(cells.answer))
+        answers = matrix_entries.get(name) or table.column(name)
+        rows = np.flatnonzero(np.isfinite(answers.answer))
         inputs = {**base.inputs, **parts.get(name, {})}
-        found += [
+        problems += [
             RegressionProblem(
-                cells.answer[rows],
-                cells.truth[rows],
-                cells.allowed[rows],
-                cells.unexplained[rows],
+                answers.answer[rows],
+                answers.truth[rows],
+                answers.allowed[rows],
+                answers.unexplained[rows],
                 name,
                 definition,
                 _IDENTITIES.get(definition, f"answer - {definition}"),
                 {key: x[rows] if np.ndim(x) else x for key, x in inputs.items()},
             )
         ]
-    return [problem for problem in found if problem.answer.size]
+    return [problem for problem in problems if problem.answer.size]
 
 
-def _entries(table: Table, omega: Array) -> dict[str, Answered]:
+def _answered_matrix_entries(table: Table, omega: Array) -> dict[str, ComparedAnswers]:
     """Return A_31, A_32 and A_33 of the matrices that have the answered eigenvalues, by name.
 
     They follow from the coefficients of the characteristic polynomial. They count as wrong where
@@ -465,17 +516,19 @@ def _entries(table: Table, omega: Array) -> dict[str, Answered]:
         omega: The speed of each entry.
     """
     cells = [[table.column(f"lambda_{n}_{part}") for part in ("re", "im")] for n in (1, 2, 3)]
-    near = sum(re.allowed + im.allowed for re, im in cells)
+    allowed_sum = sum(re.allowed + im.allowed for re, im in cells)
     answers, truths = (
         np.array([getattr(re, which) + 1j * getattr(im, which) for re, im in cells])
         for which in ("answer", "truth")
     )
     size = np.abs(truths).sum(axis=0)
-    right, found = _coefficients(truths, omega), dict[str, Answered]()
+    right, entries = _coefficients(truths, omega), dict[str, ComparedAnswers]()
     for name, answer in _coefficients(answers, omega).items():
-        allowed = near * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
-        found[name] = Answered(answer, right[name], allowed, np.abs(answer - right[name]) > allowed)
-    return found
+        allowed = allowed_sum * {"A_31": size, "A_32": size**2 / omega}.get(name, 1.0)
+        entries[name] = ComparedAnswers(
+            answer, right[name], allowed, np.abs(answer - right[name]) > allowed
+        )
+    return entries
 
 
 def _coefficients(z: Array, omega: Array) -> dict[str, Array]:

@@ -1,7 +1,8 @@
-"""Questions (items), and questions with their inputs read in one way (cases).
+"""Entries of the reference data, and entries with their inputs read in one way (cases).
 
-An item's inputs are decimals. A user may take them exactly, or as the IEEE doubles nearest to them.
-Each of the two is a *reading*, with an answer of its own.
+An entry is a state, an equilibrium or a cycle that questions are about. Its inputs are decimals. A
+user may take them exactly, or as the IEEE doubles nearest to them. Each of the two is a *reading*,
+with numbers of its own.
 """
 
 from __future__ import annotations
@@ -22,32 +23,32 @@ __all__ = [
     "READINGS",
     "STORED_DIGITS",
     "Case",
+    "MeasuredValues",
     "Reading",
-    "ReferenceQuestion",
-    "Values",
-    "as_doubles",
+    "ReferenceEntry",
     "case_of",
     "disagreements",
+    "disk_in_doubles",
     "rounded_to_digits",
 ]
 
 READINGS: tuple[Reading, ...] = ("decimals", "doubles")
-Values = dict[str, Measured]
+MeasuredValues = dict[str, Measured]
 STORED_DIGITS = 50  #: significant digits of a stored number; Omega_h has more
 
 
 @dataclass(frozen=True)
-class ReferenceQuestion:
-    """A question of the reference data: a state to evaluate at, a cycle to find, ..."""
+class ReferenceEntry:
+    """An entry of the reference data: a state to evaluate at, a cycle to find, ..."""
 
-    id: str  #: ``set/friction/kind/name``
+    id: str  #: ``set/friction/kind/entry``
     inputs: Mapping[str, str]  #: other than the parameters: numbers as decimals, the rest as words
     #: Without "doubles" if different inputs would round to the same doubles.
     readings: tuple[Reading, ...] = READINGS
 
     @property
     def set(self) -> str:
-        """The parameter set, the first part of the question's id."""
+        """The parameter set, the first part of the entry's id."""
         return self.id.split("/")[0]
 
     @property
@@ -57,45 +58,45 @@ class ReferenceQuestion:
 
     @property
     def kind(self) -> str:
-        """The kind of question, such as ``limit-cycle``."""
+        """The kind of entry, such as ``limit-cycle``."""
         return self.id.split("/")[2]
 
 
 @dataclass(frozen=True)
 class Case:
-    """A question of the reference data in one reading: its disk and inputs as exact numbers.
+    """An entry of the reference data in one reading: its disk and inputs as exact numbers.
 
     The inputs are read as decimals, or as the doubles nearest to them.
     """
 
-    item: ReferenceQuestion
+    entry: ReferenceEntry
     disk: Disk
     inputs: Mapping[str, Any]  #: exact rationals, and words
 
 
-def as_doubles(disk: Disk) -> Disk:
+def disk_in_doubles(disk: Disk) -> Disk:
     """Return a copy of a disk whose parameters are the IEEE doubles nearest to those of `disk`."""
     rounded: dict[str, Any] = {name: Fraction(float(getattr(disk, name))) for name in SYMBOLS}
     return Disk(**rounded, name=disk.name, friction=disk.friction)
 
 
-def case_of(question: ReferenceQuestion, reading: Reading) -> Case:
-    """Return the disk and the inputs of a question as exact numbers, in one reading.
+def case_of(entry: ReferenceEntry, reading: Reading) -> Case:
+    """Return the disk and the inputs of an entry as exact numbers, in one reading.
 
     A reading takes them as decimals, or as the doubles nearest to these.
     """
     disk = replace(
-        disk_of(question.set), friction="smooth" if question.friction == "smooth" else "linear"
+        disk_of(entry.set), friction="smooth" if entry.friction == "smooth" else "linear"
     )
     inputs: dict[str, Any] = {}
-    for name, text in question.inputs.items():
+    for name, text in entry.inputs.items():
         try:
             number = exact(text).rational
         except ValueError:
             inputs[name] = text
             continue
         inputs[name] = Fraction(float(number)) if reading == "doubles" else number
-    return Case(question, as_doubles(disk) if reading == "doubles" else disk, inputs)
+    return Case(entry, disk_in_doubles(disk) if reading == "doubles" else disk, inputs)
 
 
 def rounded_to_digits(measured: Measured, digits: int) -> Measured:
@@ -107,7 +108,7 @@ def rounded_to_digits(measured: Measured, digits: int) -> Measured:
     return round(measured, places) if size else measured
 
 
-def disagreements(values: Values, others: Values) -> list[str]:
+def disagreements(values: MeasuredValues, others: MeasuredValues) -> list[str]:
     """Return a line for each quantity whose values from two computations exclude each other.
 
     Args:
