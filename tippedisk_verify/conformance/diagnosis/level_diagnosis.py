@@ -22,10 +22,10 @@ class Diagnosis:
     #: The causes, which act together, each as its sort and its sentence; () if none is known
     causes: tuple[tuple[str, str], ...]
     #: The number of failed answers that follow from mistakes named at earlier levels
-    explained_earlier: int
+    follows: int
     unexplained: int
-    not_finite: int  #: the number of failed answers that are not finite; no mistake predicts them
-    unexplained_where: str = ""  #: the unexplained answers, by quantity and condition
+    no_numbers: int  #: the number of failed answers that are not finite; no mistake predicts them
+    where: str = ""  #: the unexplained answers, by quantity and condition
     #: True if unexplained answers may follow from mistakes named at earlier levels
     may_follow: bool = False
 
@@ -55,12 +55,12 @@ class Diagnosis:
         if self.unexplained:
             return (
                 "partly"
-                if self.causes or self.explained_earlier
+                if self.causes or self.follows
                 else "may-follow"
                 if self.may_follow
                 else "unexplained"
             )
-        return "explained" if self.causes else "follows" if self.explained_earlier else "no-numbers"
+        return "explained" if self.causes else "follows" if self.follows else "no-numbers"
 
     def summary(self) -> str:
         """Return the diagnosis of one level in one line of text: the failures, their causes, and
@@ -78,22 +78,20 @@ class Diagnosis:
         text += ", ".join(f"{count} {how}" for count, how in counts if count)
         if any(is_optional(grade.id) for grade in self.failed):
             text += " (with optional answers)"
-        if self.not_finite:
-            text += f", {self.not_finite} of them not finite"
+        if self.no_numbers:
+            text += f", {self.no_numbers} of them not finite"
         if len(self.causes) > 1:
             text += "; likely causes, together: " + "; ".join(
                 f"({n}) {sentence}" for n, (_, sentence) in enumerate(self.causes, 1)
             )
         elif self.causes:
             text += f"; likely cause: {self.causes[0][1]}"
-        if self.explained_earlier:
-            text += f"; {self.explained_earlier} follow from what is named at earlier levels"
+        if self.follows:
+            text += f"; {self.follows} follow from what is named at earlier levels"
         if self.unexplained and self.may_follow:
             text += f"; {self.unexplained} unexplained that may follow from what is named at earlier levels"
         elif self.unexplained:
-            text += f"; {self.unexplained} unexplained" + (
-                f" ({self.unexplained_where})" if self.unexplained_where else ""
-            )
+            text += f"; {self.unexplained} unexplained" + (f" ({self.where})" if self.where else "")
         return text
 
     def to_dict(self) -> dict[str, Any]:
@@ -103,10 +101,10 @@ class Diagnosis:
             "frictions": list(self.frictions),
             "failed": len(self.failed),
             "too_few_digits": self.too_few_digits,
-            "no_numbers": self.not_finite,
+            "no_numbers": self.no_numbers,
             "status": self.status,
             "causes": [{"name": name, "cause": sentence} for name, sentence in self.causes],
-            "follows": self.explained_earlier,
+            "follows": self.follows,
             "unexplained": self.unexplained,
-            "where": self.unexplained_where,
+            "where": self.where,
         }

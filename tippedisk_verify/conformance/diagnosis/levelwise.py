@@ -103,7 +103,7 @@ class LevelwiseDiagnosis:
         tables = [table for table in self.tables if table.level == level]
         wrong, earlier, self.causes = _count_unexplained(tables), dict(self.changes), []
         self.find_consequences(tables)
-        explained_earlier = wrong - _count_unexplained(tables)
+        follows = wrong - _count_unexplained(tables)
         with self.all_or_nothing(tables, whole=True):
             self.find_relations(tables)
         for last in (False, True):  # the quantities that are explained last
@@ -128,10 +128,10 @@ class LevelwiseDiagnosis:
             level,
             failed,
             causes=(*new_mistakes, *dict.fromkeys(self.causes)),
-            explained_earlier=explained_earlier,
+            follows=follows,
             unexplained=_count_unexplained(tables),
-            not_finite=len(failed) - wrong,
-            unexplained_where="; ".join(
+            no_numbers=len(failed) - wrong,
+            where="; ".join(
                 condition_phrase(table, values_at_entries(table)["gamma_y"])
                 for table in tables
                 if table.unexplained.any()
