@@ -291,7 +291,7 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
         )
     rows = []
     for flights in _maps(parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine):
-        unstable, slow, _ = flights.arriving.at(EXTENDED.number(0)).eigenvalues
+        unstable, slow, _ = flights.arriving.chart_at(EXTENDED.number(0)).eigenvalues
         (by_omega, by_sigma), s = flights.slopes
         nu, scale = -slow / unstable, flights.u_1 / -by_omega
         constant = 2 * (EXTENDED.number(flights.duration) + numpy.log(scale) / unstable)
@@ -372,7 +372,7 @@ def _numbers(
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
     part, _ = to_section(pieces, section.fixed)
-    near_saddle = part.image * part.chart.at(part.end)
+    near_saddle = part.image * part.chart.offset_at(part.end)
     point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(flights.duration) + passage.time
     along = numpy.prod([moved.along_the_flow(piece) for piece in pieces])

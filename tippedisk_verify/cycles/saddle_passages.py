@@ -131,11 +131,11 @@ class GlobalMap:
             _charts(parameters, omega_h, side, choice.order, choice.bands) for side in sides
         )
         self.one_sided = sides[0] == sides[1]
-        chart = self.leaving.at(EXTENDED.number(0))
+        chart = self.leaving.chart_at(EXTENDED.number(0))
         self.u_1 = EXTENDED.number_type(choice.share * chart.convergence_radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
-            chart, choice.share * self.arriving.at(EXTENDED.number(0)).convergence_radius(1)
+            chart, choice.share * self.arriving.chart_at(EXTENDED.number(0)).convergence_radius(1)
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
@@ -169,7 +169,7 @@ class GlobalMap:
         return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
 
     def _request(self, chart: SaddleChart, omega: Fraction, sigma: float, **needs: Any) -> Request:
-        beta, gamma, v = chart.at(numpy.array([self.u_1, sigma, 0]))
+        beta, gamma, v = chart.offset_at(numpy.array([self.u_1, sigma, 0]))
         state = beta, gamma - EXTENDED.pi, v
         return Request(self.parameters, omega, state, shifted=True, domain="none", **needs)
 
@@ -191,7 +191,7 @@ class GlobalMap:
             self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
         ).samples
         first = first_arrival(samples, end)
-        point = self.arriving.at(EXTENDED.number(0)).coordinates(
+        point = self.arriving.chart_at(EXTENDED.number(0)).coordinates(
             EXTENDED.array(samples[first] - numpy.array([0.0, math.pi, 0.0]))
         )
         # The charts have no third powers of the fast coordinate.
@@ -207,7 +207,7 @@ class GlobalMap:
         """
         at = EXTENDED.number(distance)
         request = self._request(
-            self.leaving.at(at),
+            self.leaving.chart_at(at),
             self._omega_h + distance,
             sigma,
             duration=self.duration,
@@ -220,7 +220,7 @@ class GlobalMap:
         if flight.status is not Status.REACHED:
             raise AccuracyError(f"the unstable manifold: {flight.status.value}")
         beta, gamma, v = flight.state
-        point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
+        point = self.arriving.chart_at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(abs(event.state[0]) for event in flight.events if event.name == EXTREME.name)
         top = next(event.state for event in flight.events if event.name == GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]
@@ -273,7 +273,10 @@ class HalfMap:
     def __init__(self, flights: GlobalMap, distance: Any, image: int) -> None:
         self.flights, self.image, self._distance = flights, image, distance
         self._arrivals = flights.at(distance)
-        self.leaving, self.arriving = flights.leaving.at(distance), flights.arriving.at(distance)
+        self.leaving, self.arriving = (
+            flights.leaving.chart_at(distance),
+            flights.arriving.chart_at(distance),
+        )
         parameters = flights.parameters
         self._crosses = parameters.law.two_sided and flights.one_sided == (image == -1)
         self._constants = parameters.constants_in(EXTENDED)
@@ -292,7 +295,7 @@ class HalfMap:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
             pieces.append(_until(chart, point, self._sliding, gradient))
             point, chart = (
-                self.leaving.coordinates(self.image * chart.at(pieces[0].end)),
+                self.leaving.coordinates(self.image * chart.offset_at(pieces[0].end)),
                 self.leaving,
             )
         else:  # the linear law's chart is odd
@@ -346,7 +349,7 @@ class HalfMap:
         )
         along = []
         for point in (piece.start, piece.end):
-            rates = numpy.array(rates_of(*angles_and_v(piece.chart.at(point))))
+            rates = numpy.array(rates_of(*angles_and_v(piece.chart.offset_at(point))))
             along.append(
                 piece.chart.derivative(point)
                 @ (piece.chart.eigenvalues * point)
@@ -437,7 +440,7 @@ def _until(
     time = numpy.log(ratio) / growth
     for _ in range(_MAX_STEPS):
         point = chart.flow(start, time)
-        step = function(chart.at(point)) / (row @ (chart.eigenvalues * point))
+        step = function(chart.offset_at(point)) / (row @ (chart.eigenvalues * point))
         time = time - step
         if abs(step) < _SETTLED * (1 + abs(time)):
             return ChartFlight(chart, start, time, 1)
