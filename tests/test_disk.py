@@ -339,7 +339,7 @@ SMOOTH = tv.PRINTED.with_friction("smooth")
     [
         lambda: tv.hopf_point(SMOOTH),
         lambda: tv.one_harmonic(SMOOTH, "30.4"),
-        lambda: one_harmonic_law.slopes(SMOOTH),
+        lambda: one_harmonic_law.hopf_slopes(SMOOTH),
         lambda: tv.collocation_cycle(SMOOTH, "30.4"),
         lambda: tv.analyse_slow_manifold(SMOOTH, "30.4", 1),
         lambda: slow_manifold.reduced_omega_crit(SMOOTH, 1),

@@ -101,7 +101,7 @@ def _hopf_by_balance(case: Case, ctx: Any) -> dict[str, Any]:
     )
     root = ctx.mpc(0, ctx.sqrt(-a31))
     drift = -(2 * speed * root - 2 * a32) / (3 * root**2 - 2 * a33 * root - a31)
-    slopes = one_harmonic_law.slopes(case.disk, digits=DIGITS + 12)
+    slopes = one_harmonic_law.hopf_slopes(case.disk, digits=DIGITS + 12)
     amplitude, period = (rational_in_context(ctx, slope.value) for slope in slopes)
     # beta_max^2 = 4 |z|^2 |q_1|^2 and |z|^2 = -Re(lambda) / Re(c_1), with q = (lambda, Omega,
     # lambda^2) / |...|.
@@ -133,7 +133,7 @@ def differences(case: Case, values: MeasuredValues) -> MeasuredValues:
     step = ctx.mpf(10) ** -32
 
     def at(b: Any, g: Any) -> list[Any]:
-        return list(slow_manifold.orders(ctx, c, omega, b, g, ORDERS))
+        return list(slow_manifold.series_orders(ctx, c, omega, b, g, ORDERS))
 
     def inertial(v: int) -> Any:
         """Return (h + f_G) / M at a velocity."""

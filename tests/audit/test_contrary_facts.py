@@ -193,12 +193,16 @@ PLANTS: dict[str, Plant] = {
     "kappa_2": follows(one_harmonic_law, "kappa_2", _consistent(one_harmonic_law.kappa_2)),
     "delta": follows(one_harmonic_law, "delta", _consistent(one_harmonic_law.delta)),
     "chi": prints("1.18e-7"),
-    "amplitude_law": follows(one_harmonic_law, "slopes", _consistent(one_harmonic_law.slopes)),
-    "period_law": follows(one_harmonic_law, "slopes", _consistent(one_harmonic_law.slopes)),
+    "amplitude_law": follows(
+        one_harmonic_law, "hopf_slopes", _consistent(one_harmonic_law.hopf_slopes)
+    ),
+    "period_law": follows(
+        one_harmonic_law, "hopf_slopes", _consistent(one_harmonic_law.hopf_slopes)
+    ),
     "supercritical": another_disk(A=PRINTED.B),
     "period_crit": prints("0.887"),
     "convergent_series": follows(
-        manifold_claims, "orders", lambda *inputs: [0.5**n for n in range(inputs[-1] + 1)]
+        manifold_claims, "series_orders", lambda *inputs: [0.5**n for n in range(inputs[-1] + 1)]
     ),
     "slow_manifold_h1": follows(
         manifold_claims,

@@ -109,11 +109,14 @@ def slow_manifold_series(draw: Draw) -> Question:
             slow_manifold.invariance_residuals(ctx, constants, speed, *point, order)
             for point in points
         ]
-        terms = [slow_manifold.orders(ctx, constants, speed, *point, 10) for point in points]
+        terms = [slow_manifold.series_orders(ctx, constants, speed, *point, 10) for point in points]
         reduced = found["reduced_omega_crit"] is not None
         sizes = [max(abs(row[n]) for row in terms) * constants.epsilon**n for n in range(1, 11)]
         return {
-            "h": [_exactly(h) for h in slow_manifold.orders(ctx, constants, speed, *place, order)],
+            "h": [
+                _exactly(h)
+                for h in slow_manifold.series_orders(ctx, constants, speed, *place, order)
+            ],
             "residual": [_exactly(max(abs(row[n]) for row in rows)) for n in range(order + 1)],
             "residual_slope": [_exactly(n + 1) for n in range(order + 1)],
             "smallest_term": _exactly(min(sizes)),

@@ -98,7 +98,7 @@ def point_of(
     context.prec = 300
     s = context.mpf(wanted)
     for _ in range(60):  # the curve is tangent to the coordinate: simple iteration contracts
-        z = saddle.coordinates([ball(fraction(part.at(s))) for part in series])
+        z = saddle.coordinates([ball(fraction(part.value_at(s))) for part in series])
         s -= context.mpf(z[component].mid().str(60, radius=False)) - wanted
     return z
 

@@ -26,9 +26,9 @@ from tippedisk_verify.theory.equilibria import (
     characteristic_polynomial,
     eigenvalues,
     equilibrium,
+    equilibrium_state,
     kind_changes,
     linearization,
-    location,
     right_eigenvector,
     saddle_value_sign,
 )
@@ -46,7 +46,7 @@ def test_linearization_is_the_jacobian_there(name, parameters, omega) -> None:
     constants = type(parameters.constants_in(precision))(
         *(precision.mpf(value) for value in parameters.constants_in(precision))
     )
-    state = [precision.mpf(precision.number(part)) for part in location(name)]
+    state = [precision.mpf(precision.number(part)) for part in equilibrium_state(name)]
     rows = equations.jacobian(ctx, constants, precision.mpf(precision.number(omega)), "linear")(
         *state
     )

@@ -21,14 +21,14 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.one_harmonic_law import (
     Form,
+    amplitude_and_frequency_squared,
     chi,
     delta,
+    hopf_slopes,
     kappa_1,
     kappa_2,
     one_harmonic,
-    section_start,
-    slopes,
-    squares,
+    section_crossing,
 )
 
 FORMS: tuple[Form, ...] = ("printed", "consistent")
@@ -181,7 +181,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
         for omega in (crit * (1 - share), crit * (1 + share)):
             law = derived_law(parameters, rational_in_context(mpmath.mp, omega), form)
             stated = (
-                *squares(rational, omega, form),
+                *amplitude_and_frequency_squared(rational, omega, form),
                 delta(rational, omega, form),
                 chi(rational, form),
             )
@@ -193,7 +193,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                     < abs(derived) * mpmath.mpf(10) ** -50
                 )
             if min(law.square, law.frequency_squared) < 0:
-                assert form == "printed" or section_start(rational, omega) is None
+                assert form == "printed" or section_crossing(rational, omega) is None
                 with pytest.raises(AccuracyError, match="no cycle"):
                     one_harmonic(parameters, omega, form, digits)
                 continue
@@ -212,7 +212,7 @@ def test_the_law_solves_both_balances(parameters, share, form, digits) -> None:
                     truths[2] / 2,
                 )
                 # Three roundings of the roots, products and quotients.
-                assert section_start(rational, omega) == pytest.approx(
+                assert section_crossing(rational, omega) == pytest.approx(
                     tuple(map(float, start)), rel=8 * 2.0**-52
                 )
 
@@ -231,7 +231,7 @@ def test_the_slopes_are_difference_quotients_of_the_law(parameters, form, digits
         crit = omega_crit(parameters, 100).mpf()
         step = crit * mpmath.mpf(10) ** -25
         below, above = (derived_law(parameters, crit + side * step, form) for side in (-1, 1))
-        found = slopes(parameters, form, digits)
+        found = hopf_slopes(parameters, form, digits)
         periods = [2 * mpmath.pi / mpmath.sqrt(law.frequency_squared) for law in (below, above)]
         truths = (
             (below.square - above.square) / (2 * step),

@@ -30,7 +30,7 @@ def residual(chart: SaddleChart, parameters, point) -> float:
     """What DW (lambda x) leaves of the tests' own transcription of the equations, relative to
     its terms.
     """
-    y = chart.at(point)
+    y = chart.offset_at(point)
     moved = chart.derivative(point) @ (chart.eigenvalues * point)
     with mpmath.workprec(100):
         state = [mpmath.mpf(number.numerator) / number.denominator for number in map(fraction, y)]
@@ -54,22 +54,22 @@ def test_the_flow_is_linear_in_the_chart(law) -> None:
     parameters = CALIBRATED.changed(friction=law)
     saddle = Saddle(parameters, ORIGIN, 80, 1)
     families = [ChartFamily(parameters, ORIGIN, saddle.law_side(which), 20, 5) for which in (0, 1)]
-    charts = [family.at(EXTENDED.number(DISTANCE)) for family in families]
+    charts = [family.chart_at(EXTENDED.number(DISTANCE)) for family in families]
     for point in (numpy.array(point, EXTENDED.number_type) for point in POINTS):
         chart = charts[0] if point[0] > 1e-3 else charts[1]
         if law == "linear" or abs(point).max() > 1e-3:
             # Truncation and some hundred roundings of 64 bits
             assert residual(chart, parameters, point) < 1e-16
         # Some roundings of 64 bits
-        assert abs(chart.coordinates(chart.at(point)) - point).max() < 1e-18
+        assert abs(chart.coordinates(chart.offset_at(point)) - point).max() < 1e-18
 
 
 def test_one_law_is_the_other_ones_image() -> None:
     """W of the side -1 at -x is -W of the side 1 at x."""
     smooth = CALIBRATED.changed(friction="smooth")
     one, other = (
-        ChartFamily(smooth, ORIGIN, side, 12, 4).at(EXTENDED.number(0)) for side in (1, -1)
+        ChartFamily(smooth, ORIGIN, side, 12, 4).chart_at(EXTENDED.number(0)) for side in (1, -1)
     )
     for point in (numpy.array(point, EXTENDED.number_type) for point in POINTS):
         # Some roundings of 64 bits, of coordinates of 0.1
-        assert abs(one.at(point) + other.at(-point)).max() < 1e-19
+        assert abs(one.offset_at(point) + other.offset_at(-point)).max() < 1e-19

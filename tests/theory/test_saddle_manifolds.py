@@ -30,7 +30,7 @@ def rates(saddle: Saddle, y):
 
 
 def slope(series, s):
-    return sum(n * c * s ** (n - 1) for n, c in enumerate(series.c) if n)
+    return sum(n * c * s ** (n - 1) for n, c in enumerate(series.coefficients) if n)
 
 
 @pytest.mark.parametrize("parameters", SETS, ids=lambda p: p.name)
@@ -44,7 +44,7 @@ def test_curves_are_invariant_to_their_order(parameters) -> None:
         sizes = []
         for s in (saddle.context.mpf("0.02"), saddle.context.mpf("0.01")):
             along = [eigenvalue * s * slope(component, s) for component in curve]
-            there = rates(saddle, [component.at(s) for component in curve])
+            there = rates(saddle, [component.value_at(s) for component in curve])
             sizes.append(max(abs(a - b) for a, b in zip(along, there, strict=True)))
         assert abs(mpmath.log(sizes[0] / sizes[1], 2) - (ORDER + 2)) < 0.05
 
@@ -61,13 +61,16 @@ def test_carried_directions_solve_their_equation() -> None:
     ):
         sizes = []
         for s in (ctx.mpf("0.02"), ctx.mpf("0.01")):
-            at, along = [c.at(s) for c in saddle.stable_curve], [c.at(s) for c in direction]
+            at, along = (
+                [c.value_at(s) for c in saddle.stable_curve],
+                [c.value_at(s) for c in direction],
+            )
             ends = [
                 rates(saddle, [a + sign * h * b for a, b in zip(at, along, strict=True)])
                 for sign in (1, -1)
             ]
             left = [(a - b) / (2 * h) for a, b in zip(*ends, strict=True)]
-            right = [slow * s * slope(c, s) + own * c.at(s) for c in direction]
+            right = [slow * s * slope(c, s) + own * c.value_at(s) for c in direction]
             sizes.append(max(abs(a - b) for a, b in zip(left, right, strict=True)))
         assert abs(mpmath.log(sizes[0] / sizes[1], 2) - (ORDER + 1)) < 0.1
 
@@ -77,7 +80,7 @@ def test_coordinates_of_a_point_come_back() -> None:
     ctx = saddle.context
     u, s, t = ctx.mpf("1e-20"), ctx.mpf("-0.01"), ctx.mpf("1e-15")
     point = [
-        k.at(s) + t * f.at(s) + u * m.at(s)
+        k.value_at(s) + t * f.value_at(s) + u * m.value_at(s)
         for k, f, m in zip(
             saddle.stable_curve, saddle.fast_direction, saddle.unstable_direction, strict=True
         )

@@ -29,9 +29,9 @@ from tippedisk_verify.theory.slow_manifold import (
     critical_manifold,
     first_correction,
     invariance_residuals,
-    orders,
     reduced_equilibrium,
     reduced_omega_crit,
+    series_orders,
     slow_manifold,
 )
 
@@ -66,7 +66,7 @@ class Surface(NamedTuple):
         step = mpmath.mpc(0, mpmath.mpf(10) ** (-mpmath.mp.dps))
         constants = parameters.constants_in_context(mpmath.mp)
         along_beta, along_gamma = (
-            orders(mpmath.mp, constants, omega, *place, HIGHEST)
+            series_orders(mpmath.mp, constants, omega, *place, HIGHEST)
             for place in ((beta + step, gamma), (beta, gamma + step))
         )
         by_beta, by_gamma = (

@@ -52,7 +52,7 @@ def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
     The true slope follows from the first Lyapunov coefficient.
     """
     parameters = audit.under_linear_law(name)
-    law = one_harmonic_law.slopes(parameters, "printed")[which]
+    law = one_harmonic_law.hopf_slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
     slope = ("d(C^2)/dOmega", "dT/dOmega")[which]
     return f"{ratio:.4f} times the right slope; {slope} at Omega_crit", abs(ratio - 1) < 1e-9

@@ -22,9 +22,9 @@ from tippedisk_verify.theory.slow_manifold import (
     RESIDUAL_POINTS,
     attraction_rate,
     first_correction,
-    orders,
     reduced_equilibrium,
     reduced_omega_crit,
+    series_orders,
 )
 
 __all__ = ["MANIFOLD_CLAIMS"]
@@ -36,7 +36,7 @@ def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, boo
     worst = 0.0
     for beta, gamma in RESIDUAL_POINTS:
         formula = first_correction(math, constants, speed, float(beta), float(gamma))
-        recursion = orders(math, constants, speed, float(beta), float(gamma), 1)[1]
+        recursion = series_orders(math, constants, speed, float(beta), float(gamma), 1)[1]
         worst = max(worst, abs(formula - recursion) / (1 + abs(formula)))
     return f"within {worst:.0e}", worst < 1e-12  # round-off of terms up to 1e3 times the result
 
@@ -68,7 +68,7 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
     Growth over twelve terms does not disprove convergence, so the claim is then undecided.
     """
     ctx = precision_of_bits(160).context
-    terms = orders(
+    terms = series_orders(
         ctx,
         audit.sets[name].constants_in_context(ctx),
         ctx.mpf("30.4"),

@@ -22,8 +22,8 @@ from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.theory.equilibria import (
     equilibrium,
+    equilibrium_state,
     linearization,
-    location,
     right_eigenvector,
 )
 from tippedisk_verify.theory.hopf import omega_crit
@@ -93,7 +93,7 @@ def follow_unstable_manifold(
     size = max(map(abs, direction))
     start = [
         Exact(origin.rational + offset * component / size, origin.pi_multiple)
-        for origin, component in zip(location("noninverted"), direction, strict=True)
+        for origin, component in zip(equilibrium_state("noninverted"), direction, strict=True)
     ]
     return engine(
         Request(

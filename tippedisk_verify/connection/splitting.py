@@ -62,9 +62,8 @@ MAX_DIGITS = 1000
 
 # Guard digits of the first attempt: the passages amplify rounding, and the starts cancel.
 _GUARD_DIGITS = 6
-_END_DISTANCE = (
-    0.02  # distance from the second saddle at which double still sees the approach clearly
-)
+# distance from the second saddle at which double still sees the approach clearly
+_END_DISTANCE = 0.02
 _MAX_FLIGHT = 30.0  # s, the longest flight
 _MAX_STEPS = 8  # Newton steps in one arithmetic
 _MAX_CURVATURE = 10**8  # s/rad; a bound of the slope's relative change with Omega

@@ -41,7 +41,7 @@ from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.model.results import Printable, result_lines
-from tippedisk_verify.theory.hopf import omega_crit_slopes
+from tippedisk_verify.theory.hopf import omega_crit_derivatives
 
 __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
 
@@ -221,7 +221,7 @@ def sensitivity_of_bifurcations(
         InputError: If the digits cannot be used, or a parameter cannot be moved, such as B = A.
         AccuracyError: If the digits are not reached.
     """
-    rows = {"omega_crit": omega_crit_slopes(parameters, digits)}
+    rows = {"omega_crit": omega_crit_derivatives(parameters, digits)}
     with suppress(NoConnectionError):
         guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
         # Differences keep half of the digits.

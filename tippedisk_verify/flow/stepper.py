@@ -237,12 +237,10 @@ class CompiledStepper:
             return hy.t_event(self._crossings[name], cooldown=wait, fp_type=fp_type, **options)
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
-        if (
-            self._two_sided
-        ):  # last, to keep heyoka's numbers of the others; their callbacks continue
-            friction_sign = (
-                self._friction_sign
-            )  # in bare functions: heyoka copies all other callables
+        if self._two_sided:
+            # last, to keep heyoka's numbers of the others; their callbacks continue
+            # in bare functions: heyoka copies all other callables
+            friction_sign = self._friction_sign
             events.append(
                 ending(
                     FRICTION_SWITCH.name,

@@ -316,7 +316,9 @@ def _one_harmonic_law(case: Case, ctx: Any) -> dict[str, Any]:
     mpmath context ``ctx``.
     """
     c, omega = _constants_and_inputs(ctx, case, "Omega")
-    square, frequency_squared = one_harmonic_law.squares(c, omega, case.inputs["form"])
+    square, frequency_squared = one_harmonic_law.amplitude_and_frequency_squared(
+        c, omega, case.inputs["form"]
+    )
     frequency = ctx.sqrt(frequency_squared)
     return {"amplitude": ctx.sqrt(square), "frequency": frequency, "period": 2 * ctx.pi / frequency}
 
@@ -327,7 +329,7 @@ def _slow_manifold(case: Case, ctx: Any) -> dict[str, Any]:
     """
     arguments = (ctx, *_constants_and_inputs(ctx, case, "Omega", "beta", "gamma"), ORDERS)
     orders, residuals = (
-        slow_manifold.orders(*arguments),
+        slow_manifold.series_orders(*arguments),
         slow_manifold.invariance_residuals(*arguments),
     )
     return {f"h_{n}": h for n, h in enumerate(orders)} | {

@@ -31,10 +31,10 @@ __all__ = [
     "characteristic_polynomial",
     "eigenvalues",
     "equilibrium",
+    "equilibrium_state",
     "is_stable",
     "kind_changes",
     "linearization",
-    "location",
     "right_eigenvector",
     "saddle_value_sign",
     "stiff_eigenvalue_estimate",
@@ -93,7 +93,7 @@ class Equilibrium(Printable):
         return entries
 
 
-def location(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
+def equilibrium_state(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
     """Return the state (beta, gamma, v) of an equilibrium, exactly.
 
     Args:
@@ -229,7 +229,7 @@ def equilibrium(
     """
     speed = checked_speed(omega)
     digits = checked_digits(digits)
-    state = location(name)
+    state = equilibrium_state(name)
     matrix = linearization(parameters, speed, name)
     return Equilibrium(name, state, eigenvalues(matrix, digits), is_stable(matrix))
 
@@ -288,7 +288,7 @@ def kind_changes(
     Raises:
         InputError: If the name or the number of digits cannot be used.
     """
-    location(name)
+    equilibrium_state(name)
     digits = checked_digits(digits)
     unit = linearization(parameters, Fraction(1), name)
     a2, c, h = -unit.A33, unit.A31 + 1, -unit.A32  # a1 = Omega^2 - c and a0 = h Omega^2

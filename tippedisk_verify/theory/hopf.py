@@ -61,7 +61,7 @@ __all__ = [
     "hopf_point",
     "normal_form",
     "omega_crit",
-    "omega_crit_slopes",
+    "omega_crit_derivatives",
     "omega_crit_squared",
     "period_crit",
     "period_of",
@@ -236,7 +236,7 @@ def omega_crit(parameters: Parameters, digits: int = 15) -> Measured:
     return square_root(omega_crit_squared(parameters), checked_digits(digits) + 5)
 
 
-def omega_crit_slopes(parameters: Parameters, digits: int = 15) -> dict[str, Measured]:
+def omega_crit_derivatives(parameters: Parameters, digits: int = 15) -> dict[str, Measured]:
     """Return the derivatives of Omega_crit with respect to the disk's parameters [SI], by name.
 
     They are Omega_crit times half the derivative of log(Omega_crit^2), which is rational. Those

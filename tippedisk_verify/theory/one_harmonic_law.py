@@ -30,14 +30,14 @@ from tippedisk_verify.theory.real_roots import square_root
 __all__ = [
     "Form",
     "OneHarmonic",
+    "amplitude_and_frequency_squared",
     "chi",
     "delta",
+    "hopf_slopes",
     "kappa_1",
     "kappa_2",
     "one_harmonic",
-    "section_start",
-    "slopes",
-    "squares",
+    "section_crossing",
 ]
 
 Form = Literal["printed", "consistent"]
@@ -127,7 +127,7 @@ def _checked_form(form: str) -> Form:
     return form  # type: ignore[return-value]
 
 
-def squares(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
+def amplitude_and_frequency_squared(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:
     """Return the squares of amplitude and frequency of the one-harmonic cycle: C^2 [rad^2] and
     omega^2 [rad^2/s^2] (Eqs. Csol, omega_sol).
 
@@ -152,7 +152,7 @@ def _denominator(constants: Any, omega_squared: Any, form: Form) -> Any:
     return chi(constants, form) * omega_squared + m * g * e * (r + e)
 
 
-def section_start(constants: Any, omega: float) -> tuple[float, float, float] | None:
+def section_crossing(constants: Any, omega: float) -> tuple[float, float, float] | None:
     """Return the point where the cycle of the consistent one-harmonic law crosses the section beta
     = pi/2, v < 0, and half its period, in double.
 
@@ -165,7 +165,7 @@ def section_start(constants: Any, omega: float) -> tuple[float, float, float] | 
     Returns:
         gamma_bar [rad], v [rad/s] and half the period [s].
     """
-    squared = squares(constants, omega, "consistent")
+    squared = amplitude_and_frequency_squared(constants, omega, "consistent")
     if not min(squared) > 0:
         return None
     amplitude, frequency = map(math.sqrt, squared)
@@ -196,7 +196,7 @@ def one_harmonic(
     constants = parameters.rational_constants()
     if not _denominator(constants, omega**2, form):
         raise AccuracyError(f"the one-harmonic law has a pole at Omega = {float(omega):.12g} rad/s")
-    square, frequency_squared = squares(constants, omega, form)
+    square, frequency_squared = amplitude_and_frequency_squared(constants, omega, form)
     if square < 0 or frequency_squared <= 0:
         raise AccuracyError(
             f"the one-harmonic law has no cycle at Omega = {float(omega):.12g} rad/s"
@@ -206,7 +206,7 @@ def one_harmonic(
     return OneHarmonic(amplitude, frequency, period_of(frequency, digits + 5))
 
 
-def slopes(
+def hopf_slopes(
     parameters: Parameters, form: Form = "consistent", digits: int = 12
 ) -> tuple[Measured, Measured]:
     """Return the slopes of the one-harmonic law's amplitude and period at the Hopf point with

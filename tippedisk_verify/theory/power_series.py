@@ -13,18 +13,18 @@ from functools import cached_property, lru_cache
 from types import SimpleNamespace
 from typing import Any
 
-__all__ = ["Angle", "PowerSeries", "SeriesOps"]
+__all__ = ["SERIES_OPS", "AngleSeries", "PowerSeries"]
 
 
 class PowerSeries:
-    """A truncated power series in 1 or 2 ``variables``, given by its coefficients ``c`` in the
-    order of their total degree.
+    """A truncated power series in 1 or 2 ``variables``, given by its ``coefficients`` in the order
+    of their total degree.
     """
 
-    __slots__ = ("c", "variables")
+    __slots__ = ("coefficients", "variables")
 
     def __init__(self, coefficients: Sequence[Any], variables: int = 1) -> None:
-        self.c = list(coefficients)
+        self.coefficients = list(coefficients)
         self.variables = variables
 
     def _like(self, coefficients: Sequence[Any]) -> PowerSeries:
@@ -33,28 +33,30 @@ class PowerSeries:
     @property
     def degree(self) -> int:
         """The highest total degree that the series keeps."""
-        return _degrees(self.variables, len(self.c))[-1]
+        return _degrees(self.variables, len(self.coefficients))[-1]
 
-    def at(self, variable: Any) -> Any:
+    def value_at(self, variable: Any) -> Any:
         """Return the value of a series in one variable at a number.
 
         Args:
             variable: The number.
         """
-        total = 0 * self.c[0]
-        for coefficient in reversed(self.c):
+        total = 0 * self.coefficients[0]
+        for coefficient in reversed(self.coefficients):
             total = total * variable + coefficient
         return total
 
     def __add__(self, other: Any) -> PowerSeries:
         if not isinstance(other, PowerSeries):
-            return self._like([self.c[0] + other, *self.c[1:]])
-        return self._like([a + b for a, b in zip(self.c, other.c, strict=False)])
+            return self._like([self.coefficients[0] + other, *self.coefficients[1:]])
+        return self._like(
+            [a + b for a, b in zip(self.coefficients, other.coefficients, strict=False)]
+        )
 
     __radd__ = __add__
 
     def __neg__(self) -> PowerSeries:
-        return self._like([-a for a in self.c])
+        return self._like([-a for a in self.coefficients])
 
     def __sub__(self, other: Any) -> PowerSeries:
         difference: PowerSeries = self + -other
@@ -66,10 +68,13 @@ class PowerSeries:
 
     def __mul__(self, other: Any) -> PowerSeries:
         if not isinstance(other, PowerSeries):
-            return self._like([a * other for a in self.c])
-        table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
-        product = [0 * self.c[0]] * len(table)
-        for a, targets in zip(self.c, table, strict=False):
+            return self._like([a * other for a in self.coefficients])
+        table, right = (
+            _products(self.variables, min(len(self.coefficients), len(other.coefficients))),
+            _nonzero(other.coefficients),
+        )
+        product = [0 * self.coefficients[0]] * len(table)
+        for a, targets in zip(self.coefficients, table, strict=False):
             if a:
                 for k, b in right:
                     if k >= len(targets):
@@ -82,11 +87,14 @@ class PowerSeries:
     def __truediv__(self, other: Any) -> PowerSeries:
         """Return the quotient by a number or by a series whose constant term is not zero."""
         if not isinstance(other, PowerSeries):
-            return self._like([a / other for a in self.c])
-        table, right = _products(self.variables, min(len(self.c), len(other.c))), _nonzero(other.c)
-        rest, quotient = self.c[: len(table)], []
+            return self._like([a / other for a in self.coefficients])
+        table, right = (
+            _products(self.variables, min(len(self.coefficients), len(other.coefficients))),
+            _nonzero(other.coefficients),
+        )
+        rest, quotient = self.coefficients[: len(table)], []
         for index, targets in enumerate(table):
-            quotient.append(rest[index] / other.c[0])
+            quotient.append(rest[index] / other.coefficients[0])
             for k, b in right[1:]:
                 if k >= len(targets):
                     break
@@ -94,9 +102,11 @@ class PowerSeries:
         return self._like(quotient)
 
     def __rtruediv__(self, value: Any) -> PowerSeries:
-        return self._like([value] + [0 * self.c[0]] * (len(self.c) - 1)) / self
+        return (
+            self._like([value] + [0 * self.coefficients[0]] * (len(self.coefficients) - 1)) / self
+        )
 
-    def slope(self, axis: int) -> PowerSeries:
+    def partial_derivative(self, axis: int) -> PowerSeries:
         """Return the partial derivative of a series in two variables with respect to the first (0)
         or second (1).
 
@@ -105,16 +115,16 @@ class PowerSeries:
         Args:
             axis: 0 or 1.
         """
-        degree, slopes = _degrees(2, len(self.c))[-1], []
+        degree, slopes = _degrees(2, len(self.coefficients))[-1], []
         for total in range(1, degree + 1):
             # The coefficients of x^total, x^(total - 1) y, ..., y^total
-            block = self.c[total * (total + 1) // 2 :][: total + 1]
+            block = self.coefficients[total * (total + 1) // 2 :][: total + 1]
             powers = range(total + 1) if axis else range(total, -1, -1)
             slopes += [power * a for power, a in zip(powers, block, strict=True) if power]
         return self._like(slopes)
 
 
-class Angle:
+class AngleSeries:
     """An angle as a series, with the sine and cosine of its constant term.
 
     The constant term of the series itself is not used.
@@ -135,8 +145,10 @@ class Angle:
         Along a ray a derivative multiplies a coefficient by its degree.
         """
         series = self.series
-        degrees = _degrees(series.variables, len(series.c))
-        slopes = _nonzero([degree * a for degree, a in zip(degrees, series.c, strict=True)])
+        degrees = _degrees(series.variables, len(series.coefficients))
+        slopes = _nonzero(
+            [degree * a for degree, a in zip(degrees, series.coefficients, strict=True)]
+        )
         sine, cosine = ([start] + [0 * start] * (len(degrees) - 1) for start in self.start)
         for index, targets in enumerate(_products(series.variables, len(degrees))):
             if index:
@@ -151,7 +163,7 @@ class Angle:
 
 
 #: The namespace of the equations of motion for angles that are series.
-SeriesOps: Any = SimpleNamespace(
+SERIES_OPS: Any = SimpleNamespace(
     sin=lambda angle: angle.sine_and_cosine[0],
     cos=lambda angle: angle.sine_and_cosine[1],
 )

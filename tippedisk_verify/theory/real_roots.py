@@ -48,14 +48,14 @@ def real_roots(polynomial: Sequence[Fraction], digits: int) -> list[Measured]:
     unit = math.lcm(*(coefficient.denominator for coefficient in polynomial))
     scaled = [int(coefficient * unit) for coefficient in polynomial]
     integers = [number * grid**power for power, number in enumerate(reversed(scaled))][::-1]
-    cells = _cells(integers, math.ceil(largest_root * grid))
+    cells = _isolate_roots(integers, math.ceil(largest_root * grid))
     return [
         Measured(Fraction(low + high, 2 * grid), Fraction(high - low, 2 * grid))
         for low, high in cells
     ]
 
 
-def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
+def _isolate_roots(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
     """Isolate the real roots of a polynomial: return a pair of neighbouring integers for each root,
     ascending.
 
@@ -65,15 +65,15 @@ def _cells(polynomial: list[int], bound: int) -> list[tuple[int, int]]:
     if len(polynomial) == 1:
         return []
     # Between the roots of the derivative the polynomial is monotonic.
-    turns = _cells(_derivative(polynomial), bound)
+    turns = _isolate_roots(_derivative(polynomial), bound)
     cells = [turn for turn in turns if not _value_at(polynomial, turn[0])]
     for low, high in pairwise([-bound, *(end for turn in turns for end in turn), bound]):
         if _value_at(polynomial, low) * _value_at(polynomial, high) < 0:
-            cells.append(_cell(polynomial, low, high))
+            cells.append(_narrow_to_unit_interval(polynomial, low, high))
     return sorted(cells)
 
 
-def _cell(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
+def _narrow_to_unit_interval(polynomial: list[int], low: int, high: int) -> tuple[int, int]:
     """Return the pair of neighbouring integers between which the only root between two integers
     lies.
 

@@ -47,9 +47,8 @@ _SPEED_NODES = 6  # at Chebyshev's nodes: charts hardly bend with the speed
 _SPEED_REACH = 2.5e-4  # of the origin, within which these lie
 _MAX_CHORD_STEPS = 60  # at most, for the coordinates of a point
 _LAST_TERMS = 3  # powers below the order, whose terms show the radius of convergence
-_ROUNDING_STEP = (
-    2.0**-50
-)  # of the largest coordinate; below it a step that does not shrink is rounding
+# of the largest coordinate; below it a step that does not shrink is rounding
+_ROUNDING_STEP = 2.0**-50
 
 
 def angles_and_v(y: Sequence[Any]) -> tuple[Any, Any, Any]:
@@ -240,7 +239,7 @@ class SaddleChart:
     eigenvalues: Any  #: (3,) unstable, slow and fast stable one [1/s]
     inverse_eigenvectors: Any  #: (3, 3) of the matrix of eigenvectors
 
-    def at(self, point: Any) -> Any:
+    def offset_at(self, point: Any) -> Any:
         """Convert chart coordinates (u, s, f) to the offset y (3,) of a state from the saddle."""
         return self.coefficients @ self.monomials.at(point)
 
@@ -280,7 +279,7 @@ class SaddleChart:
         """
         point, before = self.inverse_eigenvectors @ y, numpy.inf
         for _ in range(_MAX_CHORD_STEPS):
-            step = self.inverse_eigenvectors @ (y - self.at(point))
+            step = self.inverse_eigenvectors @ (y - self.offset_at(point))
             point, size = point + step, abs(step).max()
             if before / 2 <= size < _ROUNDING_STEP * abs(point).max() or not size:
                 return point
@@ -320,7 +319,7 @@ class ChartFamily:
         steps = _extended([distance] for distance in distances)
         self._polynomials = solve_linear(steps ** numpy.arange(_SPEED_NODES), values)
 
-    def at(self, distance: Any) -> SaddleChart:
+    def chart_at(self, distance: Any) -> SaddleChart:
         """Return the chart at a given distance of the speed from the origin [rad/s]."""
         values = polyval(distance, self._polynomials)
         return SaddleChart(

@@ -40,7 +40,7 @@ from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
-from tippedisk_verify.theory.power_series import Angle, PowerSeries, SeriesOps
+from tippedisk_verify.theory.power_series import SERIES_OPS, AngleSeries, PowerSeries
 
 __all__ = ["Saddle", "refuse_focus"]
 
@@ -158,7 +158,7 @@ class Saddle:
             (beta_bar [rad], gamma_bar [rad], v [rad/s]).
         """
         beta, gamma, v = (
-            component.at(rational_in_context(self.context, distance))
+            component.value_at(rational_in_context(self.context, distance))
             for component in self.unstable_curve
         )
         return [sign * fraction(component) for component in (beta, gamma - self.context.pi, v)]
@@ -167,13 +167,13 @@ class Saddle:
         ctx, eigenvalue = self.context, self.eigenvalues[direction_index]
         curve = [[ctx.zero, self.eigenvectors[row, direction_index]] for row in range(3)]
         step = self._power_step
-        rates_of = vector_field(SeriesOps, self.constants, self.speed, *self._law(direction_index))
+        rates_of = vector_field(SERIES_OPS, self.constants, self.speed, *self._law(direction_index))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
             rates = rates_of(*self._state(curve))
             column = self._solve_homological_equation(
-                [rate.c[power] for rate in rates], power * eigenvalue
+                [rate.coefficients[power] for rate in rates], power * eigenvalue
             )
             for component, value in zip(curve, column, strict=True):
                 component[power] = value
@@ -231,7 +231,9 @@ class Saddle:
         velocity = (c.r - c.e) * v - c.e * self.speed * gamma
         return (1 if velocity > 0 else -1) * (1 if direction_index == 0 else -1)
 
-    def _state(self, curve: Sequence[Sequence[Any]]) -> tuple[Angle, Angle, PowerSeries]:
+    def _state(
+        self, curve: Sequence[Sequence[Any]]
+    ) -> tuple[AngleSeries, AngleSeries, PowerSeries]:
         """Return the angles beta and gamma and v of a curve of states about (pi/2, -pi/2, 0), as
         power series.
 
@@ -239,7 +241,7 @@ class Saddle:
         """
         zero, one = self.context.zero, self.context.one
         beta, gamma, v = map(PowerSeries, curve)
-        return Angle(beta, one, zero), Angle(gamma, -one, zero), v
+        return AngleSeries(beta, one, zero), AngleSeries(gamma, -one, zero), v
 
     @cached_property
     def fast_direction(self) -> list[PowerSeries]:
@@ -281,7 +283,8 @@ class Saddle:
                 for entry, component in zip(entries[row], carried, strict=True):
                     if isinstance(entry, PowerSeries):
                         terms = (
-                            entry.c[k] * component[power - k] for k in range(step, power + 1, step)
+                            entry.coefficients[k] * component[power - k]
+                            for k in range(step, power + 1, step)
                         )
                         rest[row] += sum(terms, ctx.zero)
             vector = self._solve_homological_equation(rest, own + power * slow, resonant)
@@ -291,8 +294,8 @@ class Saddle:
 
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
-        curve = [component.c for component in self.stable_curve]
-        slopes = jacobian(SeriesOps, self.constants, self.speed, *self._law(1))
+        curve = [component.coefficients for component in self.stable_curve]
+        slopes = jacobian(SERIES_OPS, self.constants, self.speed, *self._law(1))
         return slopes(*self._state(curve))
 
     def convergence_radius(self, *curves: Sequence[PowerSeries]) -> Any:
@@ -304,7 +307,8 @@ class Saddle:
         rates = [ctx.one * 10]
         for curve in curves:
             sizes = [
-                max(abs(component.c[n]) for component in curve) for n in range(len(curve[0].c))
+                max(abs(component.coefficients[n]) for component in curve)
+                for n in range(len(curve[0].coefficients))
             ]
             rates += [
                 ctx.power(size, -ctx.one / n)
@@ -334,7 +338,7 @@ class Saddle:
         for _ in range(400):
             residual = ctx.matrix(
                 [
-                    value - curve.at(s) - f * fast.at(s) - u * unstable.at(s)
+                    value - curve.value_at(s) - f * fast.value_at(s) - u * unstable.value_at(s)
                     for value, curve, fast, unstable in zip(
                         target,
                         self.stable_curve,

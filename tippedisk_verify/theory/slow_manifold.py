@@ -41,9 +41,9 @@ from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.model.precision import bits_for_digits, checked_digits, precision_of_bits
 from tippedisk_verify.model.results import Printable, quantity
-from tippedisk_verify.theory.equilibria import EquilibriumName, location
+from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium_state
 from tippedisk_verify.theory.hopf import omega_crit
-from tippedisk_verify.theory.power_series import Angle, PowerSeries
+from tippedisk_verify.theory.power_series import AngleSeries, PowerSeries
 
 __all__ = [
     "RESIDUAL_POINTS",
@@ -55,9 +55,9 @@ __all__ = [
     "critical_manifold",
     "first_correction",
     "invariance_residuals",
-    "orders",
     "reduced_equilibrium",
     "reduced_omega_crit",
+    "series_orders",
     "slow_manifold",
 ]
 
@@ -196,7 +196,7 @@ class SlowManifoldSeries:
             coordinate = [0 * angle] * ((degree + 1) * (degree + 2) // 2)
             if degree:
                 coordinate[1 + axis] += 1
-            sines += Angle(
+            sines += AngleSeries(
                 PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)
             ).sine_and_cosine
         sin_b, cos_b, sin_g, cos_g = sines
@@ -214,18 +214,18 @@ class SlowManifoldSeries:
         self.series = [c.e * omega * (sin_b * cos_g) / rho]  # pure rolling
         for n in range(1, highest + 1):
             last = self.series[n - 1]
-            right = self.q1 * last + self.drift * last.slope(1)
+            right = self.q1 * last + self.drift * last.partial_derivative(1)
             if n == 1:
                 right = right + self.q0
             pairs = list(zip(self.series, reversed(self.series), strict=True))
             right = right + self.q2 * sum(one * other for one, other in pairs)
-            right = right - sum(one.slope(0) * other for one, other in pairs)
+            right = right - sum(one.partial_derivative(0) * other for one, other in pairs)
             self.series.append(right / self.rate)
 
     @property
     def orders(self) -> list[Any]:
         """The values [h_0, h_1, ...] of the slow manifold's orders at the point."""
-        return [h.c[0] for h in self.series]
+        return [h.coefficients[0] for h in self.series]
 
     def truncations(self, epsilon: Any) -> Iterator[tuple[Any, Any, Any]]:
         """Yield the slow manifold's v = h and its slopes dh/dbeta and dh/dgamma at the point, with
@@ -238,9 +238,9 @@ class SlowManifoldSeries:
         for n, order in enumerate(self.series):
             power = epsilon**n
             h, by_beta, by_gamma = (
-                h + power * order.c[0],
-                by_beta + power * order.c[1],
-                by_gamma + power * order.c[2],
+                h + power * order.coefficients[0],
+                by_beta + power * order.coefficients[1],
+                by_gamma + power * order.coefficients[2],
             )
             yield h, by_beta, by_gamma
 
@@ -254,7 +254,8 @@ class SlowManifoldSeries:
             epsilon: The parameter of the series [m/s].
         """
         q0, q1, q2, rate, drift, rolling = (
-            term.c[0] for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
+            term.coefficients[0]
+            for term in (self.q0, self.q1, self.q2, self.rate, self.drift, self.series[0])
         )
         return [
             epsilon * (by_beta * v - by_gamma * drift - (q0 + q1 * v + q2 * v * v))
@@ -263,7 +264,7 @@ class SlowManifoldSeries:
         ]
 
 
-def orders(
+def series_orders(
     ops: Ops, constants: Constants, omega: Any, beta: Any, gamma: Any, highest: int
 ) -> list[Any]:
     """Return the orders [h_0, h_1, ..., h_highest] of the slow manifold's series at one point
@@ -291,7 +292,7 @@ def invariance_residuals(
     They are the `SlowManifoldSeries.residuals`.
 
     Args:
-        ops, constants, omega, beta, gamma, highest: As for `orders`.
+        ops, constants, omega, beta, gamma, highest: As for `series_orders`.
 
     Raises:
         InputError: If the order is not from 0 to 40.
@@ -352,7 +353,7 @@ def reduced_equilibrium(
     with gmpy2.context(precision=working_bits):
         constants, speed = _constants(parameters), gmpy2.mpfr(fraction(omega))
         beta, gamma, _ = (
-            gmpy2.mpfr(angle.pi_multiple) * gmpy2.const_pi() for angle in location(name)
+            gmpy2.mpfr(angle.pi_multiple) * gmpy2.const_pi() for angle in equilibrium_state(name)
         )
         *_, (_, by_beta, by_gamma) = SlowManifoldSeries(
             _GMPY2_OPS, constants, speed, beta, gamma, order

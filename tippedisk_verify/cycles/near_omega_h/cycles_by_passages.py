@@ -306,7 +306,7 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
     for global_map in _global_maps(
         parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine
     ):
-        unstable, slow, _ = global_map.arriving.at(EXTENDED.number(0)).eigenvalues
+        unstable, slow, _ = global_map.arriving.chart_at(EXTENDED.number(0)).eigenvalues
         (by_omega, by_sigma), s = global_map.leading_coefficients
         nu, scale = -slow / unstable, global_map.u_1 / -by_omega
         constant = 2 * (EXTENDED.number(global_map.duration) + numpy.log(scale) / unstable)
@@ -394,7 +394,7 @@ def _numbers(
     passage = moved(sigma)
     arrival, pieces = passage.arrival, passage.pieces
     part, _ = split_at_section(pieces, section.zero_component)
-    near_saddle = part.symmetry_sign * part.chart.at(part.end)
+    near_saddle = part.symmetry_sign * part.chart.offset_at(part.end)
     point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(global_map.duration) + passage.time
     along = numpy.prod([moved.trivial_multiplier(piece) for piece in pieces])

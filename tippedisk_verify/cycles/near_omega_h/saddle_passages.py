@@ -137,12 +137,13 @@ class GlobalMap:
             for side in sides
         )
         self.one_sided = sides[0] == sides[1]
-        chart = self.leaving.at(EXTENDED.number(0))
+        chart = self.leaving.chart_at(EXTENDED.number(0))
         self.u_1 = EXTENDED.number_type(settings.section_ratio * chart.convergence_radius(0))
         self._engine, self._omega_h = engine, omega_h
         self.duration = self._duration(
             chart,
-            settings.section_ratio * self.arriving.at(EXTENDED.number(0)).convergence_radius(1),
+            settings.section_ratio
+            * self.arriving.chart_at(EXTENDED.number(0)).convergence_radius(1),
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
@@ -180,7 +181,7 @@ class GlobalMap:
         return (self._polynomials[1, 0, 0], self._polynomials[0, 1, 0]), self._polynomials[0, 0, 1]
 
     def _request(self, chart: SaddleChart, omega: Fraction, sigma: float, **needs: Any) -> Request:
-        beta, gamma, v = chart.at(numpy.array([self.u_1, sigma, 0]))
+        beta, gamma, v = chart.offset_at(numpy.array([self.u_1, sigma, 0]))
         state = beta, gamma - EXTENDED.pi, v
         return Request(self.parameters, omega, state, shifted=True, domain="none", **needs)
 
@@ -202,7 +203,7 @@ class GlobalMap:
             self._request(chart, self._omega_h, 0.0, duration=float(times[-1]), times=times)
         ).samples
         first = first_arrival(samples, end)
-        point = self.arriving.at(EXTENDED.number(0)).coordinates(
+        point = self.arriving.chart_at(EXTENDED.number(0)).coordinates(
             EXTENDED.array(samples[first] - numpy.array([0.0, math.pi, 0.0]))
         )
         # The charts have no third powers of the fast coordinate.
@@ -218,7 +219,7 @@ class GlobalMap:
         """
         at = EXTENDED.number(distance)
         request = self._request(
-            self.leaving.at(at),
+            self.leaving.chart_at(at),
             self._omega_h + distance,
             sigma,
             duration=self.duration,
@@ -231,7 +232,7 @@ class GlobalMap:
         if flight.status is not Status.REACHED:
             raise AccuracyError(f"the unstable manifold: {flight.status.value}")
         beta, gamma, v = flight.state
-        point = self.arriving.at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
+        point = self.arriving.chart_at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(
             abs(event.state[0]) for event in flight.events if event.name == BETA_EXTREMUM.name
         )
@@ -287,8 +288,8 @@ class SaddleToSaddleMap:
         self.global_map, self.symmetry_sign, self._distance = global_map, symmetry_sign, distance
         self._arrivals = global_map.at(distance)
         self.leaving, self.arriving = (
-            global_map.leaving.at(distance),
-            global_map.arriving.at(distance),
+            global_map.leaving.chart_at(distance),
+            global_map.arriving.chart_at(distance),
         )
         parameters = global_map.parameters
         self._crosses = parameters.law.two_sided and global_map.one_sided == (symmetry_sign == -1)
@@ -308,7 +309,7 @@ class SaddleToSaddleMap:
             gradient = (0, -self._constants.e * self._omega, self._constants.r - self._constants.e)
             pieces.append(_flight_to_zero(chart, point, self._sliding, gradient))
             point, chart = (
-                self.leaving.coordinates(self.symmetry_sign * chart.at(pieces[0].end)),
+                self.leaving.coordinates(self.symmetry_sign * chart.offset_at(pieces[0].end)),
                 self.leaving,
             )
         else:  # the linear law's chart is odd
@@ -362,7 +363,7 @@ class SaddleToSaddleMap:
         )
         along = []
         for point in (piece.start, piece.end):
-            rates = numpy.array(rates_of(*angles_and_v(piece.chart.at(point))))
+            rates = numpy.array(rates_of(*angles_and_v(piece.chart.offset_at(point))))
             along.append(
                 piece.chart.derivative(point)
                 @ (piece.chart.eigenvalues * point)
@@ -453,7 +454,7 @@ def _flight_to_zero(
     time = numpy.log(ratio) / growth
     for _ in range(_MAX_STEPS):
         point = chart.flow(start, time)
-        step = function(chart.at(point)) / (row @ (chart.eigenvalues * point))
+        step = function(chart.offset_at(point)) / (row @ (chart.eigenvalues * point))
         time = time - step
         if abs(step) < _SETTLED * (1 + abs(time)):
             return ChartFlight(chart, start, time, 1)

@@ -25,7 +25,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
-from tippedisk_verify.theory.one_harmonic_law import section_start
+from tippedisk_verify.theory.one_harmonic_law import section_crossing
 
 __all__ = [
     "MAX_DISTANCE_FROM_LAW",
@@ -154,7 +154,7 @@ def amplitude_law_guess(return_map: ReturnMap[LimitCycle]) -> tuple[float, float
     Raises:
         NoSuchCycleError: If the law has no cycle at the speed, or one that is too large.
     """
-    law = section_start(return_map.parameters.constants_in(DOUBLE), float(return_map.omega))
+    law = section_crossing(return_map.parameters.constants_in(DOUBLE), float(return_map.omega))
     if law is None or law[0] >= _MAX_LAW_AMPLITUDE:
         raise NoSuchCycleError("the one-harmonic law has no cycle at this speed that is a guess")
     return law[0], law[1]
