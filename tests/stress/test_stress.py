@@ -61,9 +61,13 @@ def test_what_is_unforeseen_never_passes() -> None:
     )
     assert not outcome.passed
     assert "by accident" in outcome.note
-    assert StressResult.from_case(StressCase("x", "x", short, passing_outcomes=("AccuracyError",))).passed
+    assert StressResult.from_case(
+        StressCase("x", "x", short, passing_outcomes=("AccuracyError",))
+    ).passed
     assert not StressResult.from_case(StressCase("x", "x", short, 3)).passed
-    assert not StressResult.from_case(StressCase("x", "x", lambda: CaseOutcome("digits", 2.9), 3)).passed
+    assert not StressResult.from_case(
+        StressCase("x", "x", lambda: CaseOutcome("digits", 2.9), 3)
+    ).passed
     assert not check_refusal(lambda: 1, InputError).honest
 
 
