@@ -207,7 +207,7 @@ PLANTS: dict[str, Plant] = {
     "slow_manifold_h1": follows(
         manifold_claims,
         "first_correction",
-        lambda *inputs: 1.001 * manifold_claims.orders(*inputs, 1)[1],
+        lambda *inputs: 1.001 * manifold_claims.series_orders(*inputs, 1)[1],
     ),
     "attraction": follows(
         manifold_claims, "attraction_rate", lambda ops, constants, beta, gamma: math.sin(gamma)
