@@ -62,7 +62,7 @@ MAX_DIGITS = 1000
 
 # Guard digits of the first attempt: the passages amplify rounding, and the starts cancel.
 _GUARD_DIGITS = 6
-# distance from the second saddle at which double still sees the approach clearly
+# The distance from the second saddle at which double still sees the approach clearly
 _END_DISTANCE = 0.02
 _MAX_FLIGHT = 30.0  # s, the longest flight
 _MAX_STEPS = 8  # Newton steps in one arithmetic

@@ -32,7 +32,7 @@ __all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]
 
 C = TypeVar("C", bound=Cycle)
 
-# rad/s; at smaller distances passages give twelve digits; at larger ones shooting in 64 bits does.
+# At smaller distances [rad/s] passages give twelve digits; at larger ones shooting in 64 bits does.
 _MAX_PASSAGE_DISTANCE = 4 * MIN_SHOOTING_DISTANCE
 _OMEGA_H_TIME_SHARE = 0.3  # the share of the time for a cycle that is over once Omega_h is known
 _MAX_ZEROS = 800  # the largest number of zeros after the point of a distance from Omega_h

@@ -238,8 +238,8 @@ class CompiledStepper:
 
         events = [ending(event.name, direction=direction_of(event)) for event in self._terminal]
         if self._two_sided:
-            # last, to keep heyoka's numbers of the others; their callbacks continue
-            # in bare functions: heyoka copies all other callables
+            # They come last, so that heyoka's numbers of the other events stay. Their callbacks let
+            # the run continue, and are bare functions, because heyoka copies all other callables.
             friction_sign = self._friction_sign
             events.append(
                 ending(

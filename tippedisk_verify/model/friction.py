@@ -39,7 +39,7 @@ _PROBES = (0.001, 0.1, 0.7, 1.0, 2.5, 30.0)  # sliding velocities, for constants
 _GUARD_CONSTANTS = ("k", "traction")
 # The weight keeps the guard's variable near the size of the angles in runs of some minutes.
 _GUARD_WEIGHT = 2.0**-6
-# imaginary step; its square is far below the rounding of any sliding velocity
+# An imaginary step; its square is far below the rounding of any sliding velocity
 _IMAGINARY_STEP = 1e-150
 
 

@@ -69,8 +69,8 @@ def _drawn_entries(set_name: str) -> Iterator[ReferenceEntry]:
 
     for n in range(1, STATES_PER_DISK + 1):
         place = f"{n:02d}"
-        # A quarter of the speeds come from a wide range, the others lie speed_near_crit Omega_crit. A tenth of
-        # the states lie speed_near_crit beta = pi/2.
+        # A quarter of the speeds come from a wide range, the others lie near Omega_crit. A tenth of
+        # the states lie near beta = pi/2.
         speed = (
             draw.decimal_between(f"Omega {n}", 5, 60, 4)
             if n % 4 == 0

@@ -25,7 +25,7 @@ from tippedisk_verify.sweep.plan import SweepPlan, run_analysis
 __all__ = ["run_sweep"]
 
 _MAX_LINE = 1_000_000  # bytes of a line of the journal
-# points submitted at a time, so that a long sweep does not fill the memory
+# The number of points submitted at a time, so that a long sweep does not fill the memory
 _MAX_QUEUED_POINTS = 256
 Row = dict[str, str]
 Workers = Callable[[], AbstractContextManager[Executor | None]]

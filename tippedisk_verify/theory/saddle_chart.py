@@ -47,7 +47,7 @@ _SPEED_NODES = 6  # at Chebyshev's nodes: charts hardly bend with the speed
 _SPEED_REACH = 2.5e-4  # of the origin, within which these lie
 _MAX_CHORD_STEPS = 60  # at most, for the coordinates of a point
 _LAST_TERMS = 3  # powers below the order, whose terms show the radius of convergence
-# of the largest coordinate; below it a step that does not shrink is rounding
+# In units of the largest coordinate; a smaller step that does not shrink is rounding.
 _ROUNDING_STEP = 2.0**-50
 
 

@@ -304,7 +304,7 @@ def numbers_at(
     return_map: ReturnMap[C],
     point: tuple[Any, Any],
     image: LinearizedReturn,
-    rounding: int | None = None,
+    perturbation_pattern: int | None = None,
 ) -> dict[str, Any]:
     """Return all numbers of the limit cycle through a fixed point of the return map, by name.
 
@@ -314,7 +314,10 @@ def numbers_at(
         image: The image of the point, with the map's derivatives.
         rounding: The pattern by which last bits are moved; None for no move.
     """
-    flight, (first, second, _, time) = return_map.flight(point, rounding), image.slopes("speed")
+    flight, (first, second, _, time) = (
+        return_map.flight(point, perturbation_pattern),
+        image.slopes("speed"),
+    )
     return quantities_from_map(
         return_map.section,
         point,

@@ -167,13 +167,17 @@ class ReturnMap(Generic[C]):
         return ReturnMap(self.section, self.parameters, omega, self.engine, self.precision)
 
     def flight(
-        self, point: Sequence[Any], rounding: int | None = None, *, variations: bool = False
+        self,
+        point: Sequence[Any],
+        perturbation_pattern: int | None = None,
+        *,
+        variations: bool = False,
     ) -> Result:
         """Fly from a point of the section to the section's next crossing.
 
         Args:
             point: Both coordinates on the section.
-            rounding: The pattern by which last bits are moved; None for no move.
+            perturbation_pattern: The pattern by which last bits are moved; None for no move.
             variations: If True, solve the variational equations, for `image`.
 
         Returns:
@@ -192,25 +196,27 @@ class ReturnMap(Generic[C]):
             )
         if not section.allows_start(float(point[0]), float(point[1])):
             raise NoSuchCycleError(section.bad_start_message)
-        result = self.engine(self._requests[variations].starting_at(state, rounding))
+        result = self.engine(self._requests[variations].starting_at(state, perturbation_pattern))
         if result.status is not Status.EVENT:
             raise NoSuchCycleError(f"{section.no_return_message}: {result.status.value}")
         if abs(float(result.state[section.zero_component] - self._growth)) > _MAX_SECTION_MISS:
             raise NoSuchCycleError(section.no_return_message)
         return result
 
-    def __call__(self, point: Sequence[Any], rounding: int | None = None) -> LinearizedReturn:
+    def __call__(
+        self, point: Sequence[Any], perturbation_pattern: int | None = None
+    ) -> LinearizedReturn:
         """Return the image of a point under the return map, with derivatives by the variational
         equations.
 
         Args:
             point: Both coordinates on the section.
-            rounding: The pattern by which last bits are moved; None for no move.
+            perturbation_pattern: The pattern by which last bits are moved; None for no move.
 
         Raises:
             NoSuchCycleError: If the orbit does not come back to the section.
         """
-        return self.image(point, self.flight(point, rounding, variations=True))
+        return self.image(point, self.flight(point, perturbation_pattern, variations=True))
 
     def image(self, point: Sequence[Any], flight: Result) -> LinearizedReturn:
         """Return the image of a point under the return map, with derivatives.
