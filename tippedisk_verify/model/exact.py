@@ -272,7 +272,7 @@ def as_list(values: object) -> list[Any]:
         values: A list, an array, a number or a text.
 
     Raises:
-        InputError: If the array has a unit or masked elements, as in `refuse_qualified`.
+        InputError: If the array has a unit or masked elements, as in `refuse_units_and_masks`.
     """
     refuse_units_and_masks(values)
     single = (
