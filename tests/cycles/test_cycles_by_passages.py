@@ -12,7 +12,7 @@ from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_by_integration
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
@@ -35,7 +35,7 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     assert flown.precision == "quadruple"
     assert quick is not None
     assert quick.precision == "extended"
-    for name in quantity_names(section):
+    for name in number_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)
         assert mine.holds(truth.value), name
         assert 100 * truth.uncertainty < mine.uncertainty, name

@@ -16,7 +16,7 @@ from scipy import integrate, stats
 
 from tippedisk_verify.cycles.families import interpolant
 from tippedisk_verify.cycles.shooting import error_budget
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import bound_lost_logarithms
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
@@ -201,7 +201,7 @@ def test_twins_in_double_measure_a_wider_arithmetic(kind, omega, few, many, arit
     ask = disk.limit_cycle if kind == "librating" else disk.rotating_cycle
     cycle, sharp = (ask(omega, digits=digits) for digits in (few, many))
     assert cycle.precision == arithmetic.name
-    for name in quantity_names(ROTATING) if kind == "rotating" else quantity_names(LIBRATING):
+    for name in number_names(ROTATING) if kind == "rotating" else number_names(LIBRATING):
         number = getattr(cycle, name)
         assert number.holds(getattr(sharp, name).value), name
         assert number.uncertainty < abs(number.value) / 10 ** (few - 1), name

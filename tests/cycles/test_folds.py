@@ -1,4 +1,4 @@
-"""Folds of librating cycles against the spectral method, for families of disks of every kind."""
+"""Folds of librating cycles against collocation, for families of disks of every kind."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(
         (CycleKind.ROTATING, 12),
     ],
 )
-def test_the_fold_is_the_spectral_methods(taylor, kind, digits) -> None:
+def test_the_fold_is_the_one_by_collocation(taylor, kind, digits) -> None:
     disk = FOLDING if kind is CycleKind.LIBRATING else PRINTED
     if kind is CycleKind.LIBRATING:
         (shot,) = found = libration_folds(disk, taylor, digits=digits)
@@ -77,7 +77,7 @@ def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> N
         folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 12)
 
 
-def test_the_spectral_method_finds_no_fold_where_there_is_none() -> None:
+def test_collocation_finds_no_fold_where_there_is_none() -> None:
     with pytest.raises(NoSuchCycleError, match="no fold of the librating cycles"):
         collocation_fold(PRINTED, CycleKind.LIBRATING)
 
@@ -91,14 +91,14 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
     known = cached_locator(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
-        unstable, stable = known.librating_at(fold.omega.value - Fraction(below)).cycles()
+        unstable, stable = known.librating_guesses_at(fold.omega.value - Fraction(below)).cycles()
         assert (unstable.stable, stable.stable) == (False, True)
         apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
     assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
     # The speed is that of the fold to twelve digits
     assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3
     with pytest.raises(NoSuchCycleError, match="a fold"):
-        known.librating_at(fold.omega.value + Fraction(1, 10**8)).cycles()
+        known.librating_guesses_at(fold.omega.value + Fraction(1, 10**8)).cycles()
 
 
 @pytest.mark.slow(minutes=0.1)
@@ -110,7 +110,7 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
-    cycles = cached_locator(POSITIVE_SADDLE_VALUE, taylor).librating_at(halfway).cycles()
+    cycles = cached_locator(POSITIVE_SADDLE_VALUE, taylor).librating_guesses_at(halfway).cycles()
     assert [cycle.stable for cycle in cycles] == [True, False]
 
 
@@ -322,11 +322,11 @@ def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> 
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2
-        cycles = cached_locator(disk, taylor).librating_at(Fraction(speed)).cycles()
+        cycles = cached_locator(disk, taylor).librating_guesses_at(Fraction(speed)).cycles()
         assert len(cycles) == len(list(family.guesses(speed)))
     for beyond, side in ((ends[0] - 0.3, "below"), (ends[-1] + 0.3, "above")):
         with pytest.raises(NoSuchCycleError, match=f"0.3 rad/s {side} the family"):
-            cached_locator(disk, taylor).librating_at(Fraction(beyond)).cycles()
+            cached_locator(disk, taylor).librating_guesses_at(Fraction(beyond)).cycles()
     unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
     assert family.connected is not bool(slow.im.value)
     if not family.connected:

@@ -19,7 +19,7 @@ def test_families_are_kept_for_a_disk_and_its_law(taylor) -> None:
     assert cached_locator(PRINTED.changed(name="table1"), taylor) is known
     assert cached_locator(PRINTED.with_friction("smooth"), taylor) is not known
     assert cached_locator(FOLDING, taylor) is not known
-    assert known.librating_at(Fraction(30)).guesses == ()
+    assert known.librating_guesses_at(Fraction(30)).guesses == ()
     assert known.__dict__["librating_family"] is known.librating_family
 
 
@@ -55,11 +55,15 @@ def test_a_refusal_names_the_ends_of_the_family(taylor, monkeypatch, omega, mess
 def test_a_speed_has_as_many_starts_as_pieces_reach_it(taylor) -> None:
     known = cached_locator(FOLDING, taylor)
     for omega, pieces in (("30.8", [1]), ("30.9", [0, 1]), ("30.96", [])):
-        assert [start.piece for start in known.librating_at(Fraction(omega)).guesses] == pieces
+        assert [
+            start.piece for start in known.librating_guesses_at(Fraction(omega)).guesses
+        ] == pieces
     for omega, pieces in (("30.02", [0, 1]), ("30.5", [1]), ("29.9", [])):
         assert [
             start.piece
-            for start in cached_locator(PRINTED, taylor).rotating_at(Fraction(omega)).guesses
+            for start in cached_locator(PRINTED, taylor)
+            .rotating_guesses_at(Fraction(omega))
+            .guesses
         ] == pieces
 
 
@@ -68,13 +72,16 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     ones below.
     """
     known, near = cached_locator(PRINTED, taylor), Fraction(1, 10**20)
-    omega_h = known.librating_at(known.omega_h).omega_h
+    omega_h = known.librating_guesses_at(known.omega_h).omega_h
     assert omega_h is not None
-    assert known.librating_at(omega_h + near).omega_h != known.omega_h
-    above, below = known.librating_at(omega_h + near), known.librating_at(omega_h - near)
+    assert known.librating_guesses_at(omega_h + near).omega_h != known.omega_h
+    above, below = (
+        known.librating_guesses_at(omega_h + near),
+        known.librating_guesses_at(omega_h - near),
+    )
     assert [start.has_coordinates for start in above.guesses] == [False]
     assert not below.guesses
     assert "1e-20 rad/s below Omega_h" in below.no_cycle_reason
-    rotating = known.rotating_at(omega_h - near, stable=True)
+    rotating = known.rotating_guesses_at(omega_h - near, stable=True)
     assert [start.has_coordinates for start in rotating.guesses] == [False]
-    assert not known.rotating_at(omega_h + near, stable=True).guesses
+    assert not known.rotating_guesses_at(omega_h + near, stable=True).guesses

@@ -11,7 +11,7 @@ import pytest
 from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import GAMMA_BOTTOM, ROTATING
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
@@ -46,9 +46,11 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
         (alone,) = (
-            cached_locator(PRINTED, taylor).rotating_at(Fraction(omega), stable=side).cycles()
+            cached_locator(PRINTED, taylor)
+            .rotating_guesses_at(Fraction(omega), stable=side)
+            .cycles()
         )
-        for name in quantity_names(ROTATING):
+        for name in number_names(ROTATING):
             one, other = getattr(cycles[index], name), getattr(alone, name)
             assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty, (
                 name,
@@ -79,7 +81,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
         ((fold.omega + float(family.omega_h)) / 2, True),
         (float(family.omega_h) + 0.5, False),
     ):
-        (cycle,) = known.rotating_at(Fraction(omega), stable=stable).cycles()
+        (cycle,) = known.rotating_guesses_at(Fraction(omega), stable=stable).cycles()
         (place,) = family.followed_guesses(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         # A place on a family is a start for shooting, with some digits; another cycle is off by

@@ -33,7 +33,7 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
         inside.append((sheet - outward * 1e-6, gamma, v))
         outside.append((sheet + outward * 1e-6, gamma, v))
     attractors = Attractors.at(PRINTED, Fraction(omega))
-    standing = "rotating limit cycle" if omega == "30.04" else "inverted spinning"
+    standing = "rotating cycle" if omega == "30.04" else "inverted spinning"
     for starts, ending in ((inside, standing), (outside, "lies flat")):
         outcomes = integrate_outcomes(
             numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors
@@ -46,7 +46,7 @@ def test_below_the_fold_everything_lies_flat(taylor) -> None:
     """Check panel a of the paper, below the fold of the unstable rotating cycles."""
     with pytest.raises(tv.InputError, match="fold near"):
         BasinBoundary(PRINTED, "29.95", taylor)
-    assert basins(PRINTED, "29.95", count=500).fractions()["lies flat"][0] == 1
+    assert basins(PRINTED, "29.95", count=500).shares()["lies flat"][0] == 1
 
 
 def test_the_papers_starts_stand_inside(taylor) -> None:

@@ -19,11 +19,13 @@ def test_basins() -> None:
     with ThreadPoolExecutor(2) as pool:
         pooled = basins(smooth, speed, count=400, executor=pool)
     assert (alone.outcome == pooled.outcome).all()
-    shares = alone.fractions()
+    shares = alone.shares()
+    categories = {"lies flat", "limit cycle", "rotating cycle", "inverted spinning", "undecided"}
+    assert set(alone.to_dict()["shares"]) == categories
     # Some roundings of shares below 1
     assert abs(sum(share for share, _ in shares.values()) - 1) < len(shares) * 2.0**-53
     # Another sample of the same plane, within both sampling errors.
-    other = basins(smooth, speed, count=400, seed=2).fractions()
+    other = basins(smooth, speed, count=400, seed=2).shares()
     for name, (share, error) in shares.items():
         assert abs(share - other[name][0]) <= 1.5 * (error + other[name][1])
     assert shares["undecided"][0] < 0.01

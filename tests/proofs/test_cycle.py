@@ -124,14 +124,14 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     assert (found["proved"], found["stable"]) == (True, stable)
     assert ("unstable" in found["statement"]) is not stable
     ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
-    spectral = (
+    collocated = (
         collocation_rotating_cycle(PRINTED, omega, stable=stable, digits=14)
         if stable
         else vars(ordinary)
     )
     for name in claimed_names(ROTATING_SECTION):
         mine = Measured.of(found[name]["value"], found[name]["uncertainty"])
-        theirs = [getattr(ordinary, name), spectral.get(name)]
+        theirs = [getattr(ordinary, name), collocated.get(name)]
         for other in (
             theirs if name in ("period", "beta_bar_top", "v_top", "multiplier_slow") else theirs[:1]
         ):

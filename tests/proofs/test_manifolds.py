@@ -29,8 +29,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     ManifoldGraph,
     SaddleCoordinates,
     cone_conditions,
-    show_isolating_block,
-    show_unstable_cone,
+    verify_isolating_block,
+    verify_unstable_cone,
 )
 from tippedisk_verify.proofs.search.connection_proof import (
     eigenvectors,
@@ -113,7 +113,7 @@ def test_the_unstable_branch_is_where_the_power_series_put_it(
     """With a short series too, whose defect is all remainder."""
     curve = curve_of(parameters, UNSTABLE, order=order)
     cone = cone_of(curve)
-    box, _, _ = show_unstable_cone(curve, THETA, cone, curve.relative_defect(THETA))
+    box, _, _ = verify_unstable_cone(curve, THETA, cone, curve.relative_defect(THETA))
     assert all(float(part) < sharp for part in cone)
     truth = point_of(
         curve.saddle, truth_of(parameters, Fraction(0)).unstable_curve, UNSTABLE, 0.0625
@@ -127,7 +127,7 @@ def test_the_cone_of_an_interval_of_speeds_holds_how_the_branch_moves() -> None:
     that of the speeds.
     """
     curve, step = curve_of(PRINTED, UNSTABLE, "1e-9"), Fraction(1, 10**9)
-    box, whole, matrix = show_unstable_cone(
+    box, whole, matrix = verify_unstable_cone(
         curve, THETA, cone_of(curve), curve.relative_defect(THETA)
     )
     low, middle, high = (
@@ -150,7 +150,9 @@ def test_the_slow_stable_curve_lies_within_delta_of_the_block(
     order: int, size: str, sharp: float
 ) -> None:
     curve = curve_of(PRINTED, SLOW, order=order)
-    delta, _, _ = show_isolating_block(curve, (arb("0.06").mid(), arb(size).mid(), arb(size).mid()))
+    delta, _, _ = verify_isolating_block(
+        curve, (arb("0.06").mid(), arb(size).mid(), arb(size).mid())
+    )
     assert float(delta) < sharp
     for theta in (-0.05, -0.01, 0.03):
         w_u, w_f = curve.offset_from_curve(
@@ -163,7 +165,7 @@ def test_the_slow_stable_curve_lies_within_delta_of_the_block(
 def test_the_slow_curve_of_the_smooth_law_lies_in_the_block_on_both_sides() -> None:
     """Where gamma_y has one sign, and, mirrored, where it has the other."""
     curve, small = curve_of(SMOOTH, SLOW), arb("1e-25").mid()
-    delta, _, _ = show_isolating_block(curve, (arb(0.01), small, small))
+    delta, _, _ = verify_isolating_block(curve, (arb(0.01), small, small))
     truth = point_of(
         curve.saddle, truth_of(SMOOTH, Fraction(0)).stable_curve, SLOW, -0.008 * (curve.side or 0)
     )
@@ -188,7 +190,7 @@ def test_a_curve_of_the_wrong_side_is_refused() -> None:
         with pytest.raises(Unproved, match="sign of the sliding velocity"):
             wrong.require_side(THETA, cone)
     with pytest.raises(Unproved):
-        show_isolating_block(block_of_other, (arb(0.01), arb(1e-9), arb(1e-9)))
+        verify_isolating_block(block_of_other, (arb(0.01), arb(1e-9), arb(1e-9)))
 
 
 def test_derivatives_over_boxes_that_both_sides_meet() -> None:
@@ -209,7 +211,7 @@ def test_derivatives_over_boxes_that_both_sides_meet() -> None:
 
 def test_what_is_too_large_or_not_finite_is_refused() -> None:
     slow, small = curve_of(PRINTED, SLOW), arb("1e-12").mid()
-    show_isolating_block(slow, (arb(0.05), small, small))
+    verify_isolating_block(slow, (arb(0.05), small, small))
     for extents in (
         (arb(2), small, small),  # beyond the series
         (arb(0.05), small, arb("1e-16").mid()),  # the coupling from w_u wins on the faces w_f = t
@@ -220,10 +222,10 @@ def test_what_is_too_large_or_not_finite_is_refused() -> None:
         (arb(0.05), -small, small),
     ):
         with pytest.raises(Unproved):
-            show_isolating_block(slow, extents)
+            verify_isolating_block(slow, extents)
     curve = curve_of(PRINTED, UNSTABLE, order=5)
     right = cone_of(curve)
-    show_unstable_cone(curve, THETA, right, curve.relative_defect(THETA))
+    verify_unstable_cone(curve, THETA, right, curve.relative_defect(THETA))
     for theta, cone in (
         (arb(3), right),
         (arb("nan"), right),
@@ -232,7 +234,7 @@ def test_what_is_too_large_or_not_finite_is_refused() -> None:
         (THETA, [right[0], right[1] / 1000]),
     ):
         with pytest.raises(Unproved):
-            show_unstable_cone(curve, theta, cone, curve.relative_defect(theta))
+            verify_unstable_cone(curve, theta, cone, curve.relative_defect(theta))
 
 
 def test_the_derivative_across_a_curve_is_that_of_the_rate_of_w() -> None:

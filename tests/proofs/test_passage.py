@@ -264,7 +264,7 @@ def test_what_is_asked_after_a_crossing(row: Sequence[float], rate: float) -> No
         unit = arb_mat([[int(i == j) for j in range(3)] for i in range(3)])
         rows = arb_mat([[0, 0, 1], [1, 0, 0], [arb(x) for x in row]])
         saddle = SimpleNamespace(directions=unit, inverse=unit)
-        SaddlePassage._show_quadrant(
+        SaddlePassage._verify_quadrant(
             SimpleNamespace(saddle=saddle, M=rows, extents=[arb(0.25)] * 3), arb(rate)
         )
 

@@ -118,7 +118,7 @@ def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     parameters = audit.sets[name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
     plane = basins(parameters, omega, count=_STATES)
-    shares = plane.fractions()
+    shares = plane.shares()
     flat, inverted = shares["lies flat"], shares["inverted spinning"]
     text = (
         f"at Omega_crit + 0.5 rad/s, of starts with v = 0, {100 * inverted[0]:.0f} % end inverted,"

@@ -381,7 +381,7 @@ def _family_lines(result: dict[str, Any]) -> list[str]:
 
 
 @disk_command(
-    "Find where each of many initial states ends: fractions with sampling errors, and a picture."
+    "Find where each of many initial states ends: shares with sampling errors, and a picture."
 )
 @omega_option
 @below_crit_option

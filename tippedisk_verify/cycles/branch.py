@@ -544,7 +544,7 @@ def _piece(
     for n in range(count):
         place = (2 * n - count + 1) / (count - 1)
         omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-        location = locator.librating_at(Fraction(omega))
+        location = locator.librating_guesses_at(Fraction(omega))
         for start in location.guesses:
             if start.piece == piece:
                 yield location.cycle(start, half_widths=half_widths)
@@ -581,7 +581,7 @@ def rotating_branch(
     return _cycles_at_speeds(
         locator,
         ROTATING,
-        lambda speed: locator.rotating_at(speed).cycles(half_widths=half_widths),
+        lambda speed: locator.rotating_guesses_at(speed).cycles(half_widths=half_widths),
         checked_speeds(omegas),
     )
 
@@ -599,10 +599,10 @@ def _rotating_overview(locator: CycleLocator, half_widths: bool) -> Iterator[Rot
         omega_crit(locator.parameters, 20).value + Fraction(1, 2) - fold,
     )
     for n in range(half, 0, -1):
-        yield from locator.rotating_at(
+        yield from locator.rotating_guesses_at(
             fold + below * Fraction(n * n, half * half + 1), stable=True
         ).cycles(half_widths=half_widths)
     for n in range(1, half + 1):
-        yield from locator.rotating_at(
+        yield from locator.rotating_guesses_at(
             fold + beyond * Fraction(n * n, half * half), stable=False
         ).cycles(half_widths=half_widths)

@@ -112,9 +112,9 @@ def _next_to_omega_h(
             )
         else:
             location: GuessesAtSpeed[Any] = (
-                locator.librating_at(omega, omega_h.value)
+                locator.librating_guesses_at(omega, omega_h.value)
                 if above
-                else locator.rotating_at(omega, stable=True, omega_h=omega_h.value)
+                else locator.rotating_guesses_at(omega, stable=True, omega_h=omega_h.value)
             )
             if not location.guesses:
                 raise NoSuchCycleError(location.no_cycle_reason)

@@ -17,7 +17,7 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import (
     MAX_DISTANCE_FROM_LAW,
     NEAR_HOPF_DISTANCE,
-    amplitude_law_guess,
+    one_harmonic_guess,
     shoot,
 )
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
@@ -81,13 +81,13 @@ def librating_cycle_at(
         return_map, fixed_point = ReturnMap(LIBRATING, parameters, speed, engine), None
         with suppress(NoSuchCycleError):
             fixed_point = shoot(
-                return_map, amplitude_law_guess(return_map), within=MAX_DISTANCE_FROM_LAW
+                return_map, one_harmonic_guess(return_map), within=MAX_DISTANCE_FROM_LAW
             )
         if fixed_point is not None:
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).librating_at(speed)
+    location = _locator(parameters, engine).librating_guesses_at(speed)
     if cycle and stable is None and not location.guesses:
         return cycle
     cycles = location.cycles(digits, half_widths=half_widths)
@@ -119,7 +119,7 @@ def librating_cycles_at(
         NoSuchCycleError: If the search fails.
         AccuracyError: If the digits are not reached.
     """
-    location = _locator(parameters, engine).librating_at(omega)
+    location = _locator(parameters, engine).librating_guesses_at(omega)
     if location.guesses:
         return location.cycles(half_widths=half_widths)
     return [librating_cycle_at(parameters, omega, engine, half_widths=half_widths)]
@@ -164,6 +164,6 @@ def rotating_cycle(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).rotating_at(speed, stable=stable)
+    location = _locator(parameters, engine).rotating_guesses_at(speed, stable=stable)
     (cycle,) = location.cycles(digits, half_widths=half_widths)
     return cycle

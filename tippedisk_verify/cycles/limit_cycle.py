@@ -210,7 +210,7 @@ class Cycle(Printable):
         laps = 2 if self.symmetric else 1
         flight = float(self.period) / laps
         lap = numpy.minimum(times // flight, laps - 1)
-        dense = self._flown(self.period.value / laps, engine)
+        dense = self._dense_output(self.period.value / laps, engine)
         states = round_to_doubles(
             dense(numpy.minimum(times - lap * flight, flight * (1 - 2.0**-52)))
         ).T
@@ -218,7 +218,7 @@ class Cycle(Printable):
             states[:, lap == 1] *= -1
         return states
 
-    def _flown(self, duration: Fraction, engine: Engine) -> Any:
+    def _dense_output(self, duration: Fraction, engine: Engine) -> Any:
         """Return the continuous output of a flight from the cycle's start, in an arithmetic with
         enough bits for the start.
         """

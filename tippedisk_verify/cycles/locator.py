@@ -55,7 +55,7 @@ _FOLD_NEIGHBOURHOOD = 1e-4  # rad, in the first coordinate; two cycles that clos
 # The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
 # half a minute.
 _MAX_NEAR_HOPF_ZEROS = 100
-# Nearer to the Hopf point than this many distances of the family's first node, the amplitude law
+# Nearer to the Hopf point than this many distances of the family's first node, the law of the amplitude
 # predicts the cycle.
 _AMPLITUDE_LAW_REACH = 2
 _MAX_DISKS = 16  # disks in the cache
@@ -63,9 +63,8 @@ _MAX_DISKS = 16  # disks in the cache
 
 @dataclass(frozen=True)
 class GuessesAtSpeed(Generic[C]):
-    """The limit cycles of one kind that a search has located at one speed.
-
-    It has the guesses for shooting, or the reason why there are no cycles.
+    """The guesses for shooting the limit cycles of one kind at one speed, or the reason why there
+    are no cycles.
     """
 
     section: Section[C]
@@ -212,7 +211,7 @@ class CycleLocator:
         """
         return RotatingFamily(self.parameters, self.engine, self.omega_h)
 
-    def librating_at(
+    def librating_guesses_at(
         self, omega: Fraction, omega_h: Fraction | None = None
     ) -> GuessesAtSpeed[LimitCycle]:
         """Locate the librating limit cycles, about inverted spinning, at a speed.
@@ -227,28 +226,32 @@ class CycleLocator:
         Raises:
             AccuracyError: If the speed is closer to Omega_crit than cycles are offered.
         """
-        location = GuessesAtSpeed(
+        guesses_at_speed = GuessesAtSpeed(
             LIBRATING, self.parameters, self.engine, omega, (), self.family_failure, omega_h
         )
         if self.family_failure:
             with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _LAW_DISTANCE:
-                    return self._next_to_omega_h(location, 0, above=self.connection_attracts)
-            return location
+                    return self._next_to_omega_h(
+                        guesses_at_speed, 0, above=self.connection_attracts
+                    )
+            return guesses_at_speed
         family = self.librating_family
         guesses = list(family.guesses(float(omega)))
         if not any(guess.piece == 0 for guess in guesses):
             guesses[:0] = _near_hopf_guesses(family, distance_below_crit(self.parameters, omega))
         no_cycle_reason = _no_libration_message(family, float(omega))
-        location = replace(location, no_cycle_reason=no_cycle_reason, guesses=tuple(guesses))
+        guesses_at_speed = replace(
+            guesses_at_speed, no_cycle_reason=no_cycle_reason, guesses=tuple(guesses)
+        )
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
                 return self._next_to_omega_h(
-                    location, len(family.folds), above=self.connection_attracts
+                    guesses_at_speed, len(family.folds), above=self.connection_attracts
                 )
-        return location
+        return guesses_at_speed
 
-    def rotating_at(
+    def rotating_guesses_at(
         self, omega: Fraction, *, stable: bool | None = None, omega_h: Fraction | None = None
     ) -> GuessesAtSpeed[RotatingCycle]:
         """Locate the rotating cycles at a speed, the stable one before the fold first.
@@ -277,15 +280,19 @@ class CycleLocator:
                 no_cycle_reason = _no_rotation_message(family, omega, stable)
             except NoSuchCycleError as fault:
                 no_cycle_reason = str(fault)
-        location = GuessesAtSpeed(
+        guesses_at_speed = GuessesAtSpeed(
             ROTATING, self.parameters, self.engine, omega, tuple(guesses), no_cycle_reason, omega_h
         )
-        return self._next_to_omega_h(location, 0, above=False) if too_close else location
+        return (
+            self._next_to_omega_h(guesses_at_speed, 0, above=False)
+            if too_close
+            else guesses_at_speed
+        )
 
     def _next_to_omega_h(
-        self, location: GuessesAtSpeed[C], piece: int, *, above: bool
+        self, guesses_at_speed: GuessesAtSpeed[C], piece: int, *, above: bool
     ) -> GuessesAtSpeed[C]:
-        """Return the ``location`` of the cycles at a speed so close to Omega_h that doubles do not
+        """Return the ``guesses_at_speed`` of the cycles at a speed so close to Omega_h that doubles do not
         show on which side the speed is, corrected for the true side.
 
         ``piece`` is the number of the family's piece that ends at Omega_h. Its cycles lie ``above``
@@ -294,21 +301,26 @@ class CycleLocator:
 
         Raises AccuracyError if Omega_h has too few digits.
         """
-        omega, omega_h = location.omega, location.omega_h
+        omega, omega_h = guesses_at_speed.omega, guesses_at_speed.omega_h
         if omega_h is None:
             omega_h = omega_h_resolving(self.parameters, omega, self.engine).value
-        guesses = [guess for guess in location.guesses if guess.piece != piece]
-        no_cycle_reason = location.no_cycle_reason
+        guesses = [guess for guess in guesses_at_speed.guesses if guess.piece != piece]
+        no_cycle_reason = guesses_at_speed.no_cycle_reason
         if (omega > omega_h) is above:
             guesses.insert(piece, CycleGuess.without_coordinates(omega, piece))
         else:
-            kind = "limit cycle" if location.section is LIBRATING else "stable rotating cycle"
+            kind = (
+                "limit cycle" if guesses_at_speed.section is LIBRATING else "stable rotating cycle"
+            )
             distance, side = float(abs(omega - omega_h)), "below" if above else "above"
             no_cycle_reason = (
                 f"no {kind} found at {float(omega):.10g} rad/s, {distance:.2g} rad/s {side} Omega_h"
             )
         return replace(
-            location, guesses=tuple(guesses), no_cycle_reason=no_cycle_reason, omega_h=omega_h
+            guesses_at_speed,
+            guesses=tuple(guesses),
+            no_cycle_reason=no_cycle_reason,
+            omega_h=omega_h,
         )
 
 

@@ -27,7 +27,7 @@ from typing import Any
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import iterate_until_rounding, numbers_at
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
@@ -197,7 +197,7 @@ def _derivatives(
     for symbol, row in slopes.items():
         first, second = (row[name] / ((a - 1) * (d - 1) - b * c) for name in _RESIDUALS)
         x, y = b * second - (d - 1) * first, c * first - (a - 1) * second
-        for name in quantity_names(section):
+        for name in number_names(section):
             if not name.startswith("d"):
                 slope = row[name] + by_first[name] * x + by_second[name] * y
                 derivatives.setdefault(name, {})[symbol] = slope

@@ -45,7 +45,7 @@ def draw_basins(plane: Basins, boundary: BasinBoundary | None = None) -> Any:
         vmin=-0.5,
         vmax=len(_COLOURS) - 0.5,
     )
-    shares = plane.fractions()
+    shares = plane.shares()
     marks: list[Any] = [
         Patch(color=colour, label=f"{name}: {100 * share:.2f} ± {100 * error:.2f} %")
         for colour, (name, (share, error)) in zip(_COLOURS, shares.items(), strict=True)

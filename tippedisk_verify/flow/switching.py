@@ -141,7 +141,7 @@ class FrictionSign:
         """True if the run used the wrong sign of gamma_y for a while, as the switches or the end
         show.
         """
-        # NaN is lost too.
+        # A sliding velocity that is NaN counts as wrong too.
         slip = float(self._start.event_value(SLIDING_REVERSAL, self.stepper.state[:3]))
         return self._contradicted or not slip * self.side >= -_MAX_RESIDUAL_SLIP * self._epsilon
 

@@ -255,7 +255,7 @@ class Parameters(Printable):
         """Raise InputError unless the friction law is analytic at gamma_y = 0.
 
         Args:
-            what: The beginning of the message, such as 'spectral collocation is'.
+            what: The beginning of the message, such as 'Fourier collocation is'.
 
         Raises:
             InputError: If the law has two analytic sides.

@@ -39,7 +39,7 @@ from tippedisk_verify.theory.equilibria import is_stable, linearization
 
 __all__ = ["MAX_ABS_V", "OUTCOMES", "Basins", "basins", "integrate_outcomes"]
 
-OUTCOMES = ("lies flat", "limit cycle", "rotating limit cycle", "inverted spinning", "undecided")
+OUTCOMES = ("lies flat", "limit cycle", "rotating cycle", "inverted spinning", "undecided")
 _FLAT_INDEX, _UNDECIDED = OUTCOMES.index("lies flat"), OUTCOMES.index("undecided")
 _TASK_SIZE = 2048  # the number of states in a task
 _STRETCH_TIME = 5.0  # s; after each stretch, states whose disk lies flat leave their lanes
@@ -67,7 +67,7 @@ class Basins(Printable):
     gamma: Array  #: (rows, columns) [rad]
     outcome: Any  #: (rows, columns) index into `OUTCOMES`
 
-    def fractions(self) -> dict[str, tuple[float, float]]:
+    def shares(self) -> dict[str, tuple[float, float]]:
         """Return the share of the initial states that has each outcome, with two standard errors,
         by outcome.
 
@@ -92,14 +92,14 @@ class Basins(Printable):
 
     def to_dict(self) -> dict[str, object]:
         """Return the outcomes' shares with speed, friction law and sizes as data for JSON."""
-        shares = self.fractions()
+        shares = self.shares()
         return {
             "omega": exact_text(self.omega),
             "friction": self.parameters.law.name,
             "states": int(self.outcome.size),
             "seconds": self.duration,
             "v": self.v,
-            "fractions": {
+            "shares": {
                 name: {"value": f"{a:.6f}", "uncertainty": f"{b:.6f}"}
                 for name, (a, b) in shares.items()
             },
@@ -129,7 +129,7 @@ def basins(
         duration: The time of a run [s].
         v: The velocity of every initial state [rad/s].
         seed: The seed of the random states.
-        executor: Runs the portions; the result does not depend on it.
+        executor: Runs the tasks; the result does not depend on it.
         advance: Receives the number of finished states.
 
     Returns:
@@ -169,11 +169,11 @@ def basins(
         duration=duration,
         attractors=Attractors.at(parameters, speed),
     )
-    portions = [states[first : first + _TASK_SIZE] for first in range(0, len(states), _TASK_SIZE)]
+    tasks = [states[first : first + _TASK_SIZE] for first in range(0, len(states), _TASK_SIZE)]
     outcomes = []
-    for portion in map_of(executor)(classify, portions):
-        outcomes.append(portion)
-        advance("states", len(portion))
+    for task_outcomes in map_of(executor)(classify, tasks):
+        outcomes.append(task_outcomes)
+        advance("states", len(task_outcomes))
     return Basins(
         parameters, speed, duration, v, beta, gamma, numpy.concatenate(outcomes).reshape(beta.shape)
     )
@@ -234,7 +234,7 @@ class Attractors:
             if self.inverted and after < min(0.9 * before, 1.0):
                 return "inverted spinning"
         elif self.lean is not None and len(leans) >= 2 and _closer(leans[0], leans[-1], self.lean):
-            return "rotating limit cycle"
+            return "rotating cycle"
         return "undecided"
 
 

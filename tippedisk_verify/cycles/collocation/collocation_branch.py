@@ -1,4 +1,4 @@
-"""Spectral cycles in double: Newton's iteration, the branch through folds, and the first cycles of
+"""Collocated cycles in double: Newton's iteration, the branch through folds, and the first cycles of
 both kinds.
 
 One Newton iteration solves for a point of a branch within a plane: that of a speed, or one across

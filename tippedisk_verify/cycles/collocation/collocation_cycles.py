@@ -61,9 +61,9 @@ _SETTLED = 1e-9  # a step after which only rounding in double is left
 # --------------------------------------------------------------------------------- librating cycles
 @dataclass(frozen=True, repr=False)
 class CollocationCycle(Printable):
-    """A librating limit cycle from spectral harmonic balance.
+    """A librating limit cycle by Fourier collocation, which balances its harmonics.
 
-    Half-widths are from a balance of more harmonics.
+    Half-widths are from a collocation with more harmonics.
     """
 
     omega: Fraction  #: the spinning speed [rad/s]
@@ -198,7 +198,7 @@ def collocation_rotating_cycle(
         InputError: If the law has two sides, or the speed is not positive.
         NoSuchCycleError: If collocation finds no such cycle.
     """
-    parameters.refuse_two_sided_law("spectral collocation is")
+    parameters.refuse_two_sided_law("Fourier collocation is")
     speed = checked_speed(omega)
     digits = checked_digits(digits)
     start = rotating_point_at(parameters, float(speed), stable)
@@ -269,7 +269,7 @@ def collocation_fold(
         InputError: If the law has two sides.
         NoSuchCycleError: If collocation finds no fold.
     """
-    parameters.refuse_two_sided_law("spectral collocation is")
+    parameters.refuse_two_sided_law("Fourier collocation is")
     digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 

@@ -11,7 +11,7 @@ integration, v by differentiation.
 
 **The equations.** They are the equation of motion at the samples and one that closes the system,
 
-    Omega w sin(beta_bar) = turns * frequency,
+    Omega w sin(beta_bar) = rotations * frequency,
 
 with the weights w of a mean. A rotating cycle's gamma grows by 2 pi a period. A librating cycle's
 gamma does not turn, and beta_bar = 0 at the first sample closes its system.

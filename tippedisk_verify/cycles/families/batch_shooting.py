@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy
 
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
@@ -43,7 +43,7 @@ class BatchCycles:
     """n limit cycles of a section in double. ``cycles[name]`` is the array (n,) of one number, NaN
     where Newton's iteration failed.
 
-    The names are omega, the section's `quantity_names` and the trivial multiplier's defect.
+    The names are omega, the section's `number_names` and the trivial multiplier's defect.
     ``log_multipliers`` is the sum of both logarithms, which is the integral of the divergence.
     ``residual`` is the sum of |image of the flight's end - start| over beta_bar, gamma_bar and v /
     10 [rad].
@@ -132,7 +132,7 @@ def shoot_batch(
             flown[name][converged] = values
     first, second, flight, omega = unknowns.T
     matrix, slopes = last.map.transpose(1, 2, 0), last.family_slopes.T
-    numbers = quantities_from_map(
+    numbers = numbers_from_map(
         section, (first, second), flight, matrix, slopes, last.trivial, flown, numpy
     )
     numbers |= {
@@ -285,10 +285,10 @@ class _SectionBatch:
         for name, run, _, state in flights.crossings:
             events[run].append((name, state))
         rows = [self._section.quantities_at_events(of_run, 0.0) for of_run in events]
-        measures: dict[str, Any] = {
+        event_quantities: dict[str, Any] = {
             name: numpy.array([row[name] for row in rows]) for name in rows[0]
         }
-        return measures | {"divergence": flights.divergence}
+        return event_quantities | {"divergence": flights.divergence}
 
 
 def _rates(constants: Array, omegas: Array, states: Array) -> Array:

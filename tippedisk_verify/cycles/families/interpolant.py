@@ -28,7 +28,7 @@ import numpy
 
 from tippedisk_verify.cycles.families.batch_shooting import BatchCycles, shoot_batch
 from tippedisk_verify.cycles.families.family import Family
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
@@ -100,7 +100,7 @@ class FamilyInterpolant:
             f"d{name}_domega" for name in ("period", *self._section.coordinate_names)
         )
         self._names_before_step = ("multiplier_slow", "log_multiplier_slow", *self._by_omega)
-        self._measured = (*quantity_names(self._section), "log_multipliers")
+        self._measured = (*number_names(self._section), "log_multipliers")
 
     def _shoot(
         self, omegas: Array, guess: Array, constants: Any = None, **options: Any

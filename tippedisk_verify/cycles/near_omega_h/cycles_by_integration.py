@@ -26,7 +26,7 @@ from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     precision_near_omega_h,
     predicted_state,
 )
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantity_names
+from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
@@ -251,7 +251,7 @@ def with_uncertainty_of_omega_h(
     numbers = numbers_at(return_map, (first, second), return_map((first, second)))
     relative_uncertainty = HALF_WIDTH_FACTOR * omega_h.uncertainty / moved
     widened = {"omega": Measured(cycle.omega.value, omega_h.uncertainty)}
-    for name in quantity_names(section):
+    for name in number_names(section):
         number: Measured = getattr(cycle, name)
         change = abs(fraction(numbers[name]) - number.value)
         widened[name] = Measured(number.value, number.uncertainty + change * relative_uncertainty)

@@ -27,7 +27,7 @@ from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
     integral_of_divergence,
     split_at_section,
 )
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
@@ -127,13 +127,15 @@ def cycle_by_passages(
     if digits > _MAX_DIGITS or not engine.measures_error:
         return None
     try:
-        zero = omega_h_resolving(parameters, speed_or_distance, engine, from_omega_h=from_omega_h)
-        distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
+        omega_h = omega_h_resolving(
+            parameters, speed_or_distance, engine, from_omega_h=from_omega_h
+        )
+        distance = speed_or_distance if from_omega_h else speed_or_distance - omega_h.value
         if (distance > 0) != (section is LIBRATING) or not _passages_exist(
-            parameters, engine, zero.value
+            parameters, engine, omega_h.value
         ):
             return None
-        origin = Fraction(round(zero.value * _ORIGIN_GRID), _ORIGIN_GRID)
+        origin = Fraction(round(omega_h.value * _ORIGIN_GRID), _ORIGIN_GRID)
         first, *others = (
             _numbers(section, global_map, distance)
             for global_map in _global_maps(parameters, origin, engine)
@@ -144,7 +146,7 @@ def cycle_by_passages(
     if not all(numpy.isfinite(number) for row, _ in (first, *others) for number in row.values()):
         return None
     measured = _with_half_widths(
-        numbers, [row for row, _ in others], zero.uncertainty / abs(distance)
+        numbers, [row for row, _ in others], omega_h.uncertainty / abs(distance)
     )
     if section is LIBRATING:
         gap = measured["gamma_bar_0"]
@@ -152,7 +154,7 @@ def cycle_by_passages(
         measured["gamma_bar_0"] = Measured(pi + gap.value, gap.uncertainty)
     cycle = cycle_from_numbers(
         section,
-        zero.value + distance,
+        omega_h.value + distance,
         measured,
         residuals=tuple(sizes),
         parameters=parameters,
@@ -169,7 +171,7 @@ def cycle_by_passages(
     ):
         return None
     return (
-        replace(cycle, omega=Measured(cycle.omega.value, zero.uncertainty))
+        replace(cycle, omega=Measured(cycle.omega.value, omega_h.uncertainty))
         if from_omega_h
         else cycle
     )
@@ -197,12 +199,12 @@ def omega_h_resolving(
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
     wanted = _digits_for(speed_or_distance) if from_omega_h else _FIRST_DIGITS
     while True:
-        zero = splitting_zero(parameters, guess, engine, wanted).omega_h
-        distance = speed_or_distance if from_omega_h else speed_or_distance - zero.value
-        if zero.uncertainty * 10**_DISTANCE_DIGITS < abs(distance):
-            return zero
+        omega_h = splitting_zero(parameters, guess, engine, wanted).omega_h
+        distance = speed_or_distance if from_omega_h else speed_or_distance - omega_h.value
+        if omega_h.uncertainty * 10**_DISTANCE_DIGITS < abs(distance):
+            return omega_h
         # A speed may be Omega_h itself to many digits.
-        resolved = abs(distance) > zero.uncertainty
+        resolved = abs(distance) > omega_h.uncertainty
         wanted = max(wanted + _MORE_DIGITS, _digits_for(distance)) if resolved else 2 * wanted
         if wanted > MAX_DIGITS:
             raise AccuracyError(
@@ -297,14 +299,14 @@ def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
         AccuracyError: If the flights fail.
     """
     guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    zero = splitting_zero(parameters, guess, engine, _FIRST_DIGITS).omega_h.value
-    if not _passages_exist(parameters, engine, zero):
+    omega_h = splitting_zero(parameters, guess, engine, _FIRST_DIGITS).omega_h.value
+    if not _passages_exist(parameters, engine, omega_h):
         raise NoSuchCycleError(
             "the law of the period with its corrections needs a negative saddle value and 64 bits"
         )
     rows = []
     for global_map in _global_maps(
-        parameters, Fraction(round(zero * _ORIGIN_GRID), _ORIGIN_GRID), engine
+        parameters, Fraction(round(omega_h * _ORIGIN_GRID), _ORIGIN_GRID), engine
     ):
         unstable, slow, _ = global_map.arriving.chart_at(EXTENDED.number(0)).eigenvalues
         (by_omega, by_sigma), s = global_map.leading_coefficients
@@ -398,19 +400,19 @@ def _numbers(
     point = (near_saddle[1], near_saddle[2]) if section is LIBRATING else (arrival[5], arrival[6])
     time = EXTENDED.number(global_map.duration) + passage.time
     along = numpy.prod([moved.trivial_multiplier(piece) for piece in pieces])
-    measures = {
+    event_quantities = {
         "beta_max": arrival[4].real,
         "beta_bar_0": near_saddle[0].real,
         "v_0": near_saddle[2].real,
         "divergence": (arrival[3] + integral_of_divergence(pieces)).real,
     }
-    return quantities_from_map(
+    return numbers_from_map(
         section,
         [coordinate.real for coordinate in point],
         time.real,
         ((multiplier, 0), (0, 0)),
         [number.imag / imaginary for number in (*point, time)],
         along.real,
-        measures,
+        event_quantities,
         numpy,
     ), sizes

@@ -1,7 +1,7 @@
 """A cycle's numbers from its return map: period, Floquet multipliers, and slopes along the family.
 
-Each number has its formula in `quantities_from_map`. The numbers with half-widths are listed in
-`quantity_names`. `error_budget` has the half-widths.
+Each number has its formula in `numbers_from_map`. The numbers with half-widths are listed in
+`number_names`. `error_budget` has the half-widths.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ import numpy
 
 from tippedisk_verify.cycles.shooting.section import Section
 
-__all__ = ["quantities_from_map", "quantity_names"]
+__all__ = ["number_names", "numbers_from_map"]
 
 _MIN_MULTIPLIER = 2.0**-1022  # the least normal double
 
 
-def quantity_names(section: Section[Any]) -> tuple[str, ...]:
+def number_names(section: Section[Any]) -> tuple[str, ...]:
     """Return the names of all numbers of a cycle that have half-widths.
 
     Args:
@@ -35,7 +35,7 @@ def quantity_names(section: Section[Any]) -> tuple[str, ...]:
     )
 
 
-def quantities_from_map(
+def numbers_from_map(
     section: Section[Any],
     point: Sequence[Any],
     time: Any,
@@ -55,7 +55,7 @@ def quantities_from_map(
         slopes: The derivatives of both coordinates and the flight time with respect to Omega,
             along the family.
         trivial: The multiplier of a flight along the flow, 1 but for rounding.
-        flight: The section's measures and the integral of the ``divergence`` over the flight.
+        flight: The section's event quantities and the integral of the ``divergence`` over the flight.
         ops: The functions of the arithmetic.
     """
     laps, choose = (

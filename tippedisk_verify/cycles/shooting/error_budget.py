@@ -32,7 +32,7 @@ from itertools import count, islice
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.shooting.cycle_numbers import quantities_from_map
+from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import Section
@@ -312,13 +312,13 @@ def numbers_at(
         return_map: The map.
         point: The fixed point, both coordinates.
         image: The image of the point, with the map's derivatives.
-        rounding: The pattern by which last bits are moved; None for no move.
+        perturbation_pattern: The pattern by which last bits are moved; None for no move.
     """
     flight, (first, second, _, time) = (
         return_map.flight(point, perturbation_pattern),
         image.slopes("speed"),
     )
-    return quantities_from_map(
+    return numbers_from_map(
         return_map.section,
         point,
         image.time,
@@ -453,7 +453,7 @@ def _solve_in_precision(
     return_map = fixed_point.return_map
     if precision == return_map.precision:
         return numbers_at(return_map, fixed_point.point, fixed_point.image), {}, fixed_point
-    return_map = return_map.within(precision)
+    return_map = return_map.in_precision(precision)
     point, stalled_step = iterate_until_rounding(return_map, fixed_point)
     image = return_map(point)
     step_error_bounds = [_STALLED_STEPS * step for step in stalled_step]

@@ -158,7 +158,7 @@ class ReturnMap(Generic[C]):
         self._edge = precision.number(section.crossing_sign * precision.epsilon**2)
         self._requests: dict[bool, Request] = {}  # with variations, and without
 
-    def within(self, precision: Precision) -> ReturnMap[C]:
+    def in_precision(self, precision: Precision) -> ReturnMap[C]:
         """Return the same return map in another arithmetic."""
         return ReturnMap(self.section, self.parameters, self.omega, self.engine, precision)
 
@@ -266,7 +266,7 @@ class ReturnMap(Generic[C]):
 
     def event_quantities(self, flight: Result) -> dict[str, Any]:
         """Return further numbers of a limit cycle by name, such as the largest lean, from a flight
-        with its ``recorded_events`` events.
+        with the section's ``recorded_events``.
         """
         return self.section.quantities_at_events(
             ((event.name, event.state) for event in flight.events), abs(0 * flight.time)

@@ -119,7 +119,7 @@ class Section(Generic[C]):
         name, from the events of one flight.
 
         Args:
-            events: The (name, state) pairs of the ``recorded_events`` events of one flight.
+            events: The (name, state) pairs of the ``recorded_events`` of one flight.
             zero: The zero of the arithmetic.
         """
         numbers = dict.fromkeys((quantity.name for quantity in self.event_quantities), zero)

@@ -31,7 +31,7 @@ __all__ = [
     "MAX_DISTANCE_FROM_LAW",
     "NEAR_HOPF_DISTANCE",
     "LimitCycle",
-    "amplitude_law_guess",
+    "one_harmonic_guess",
     "shoot",
     "shoot_limit_cycle",
 ]
@@ -123,7 +123,7 @@ def shoot_limit_cycle(
     if guess is None:
         with suppress(NoSuchCycleError):
             fixed_point = shoot(
-                return_map, amplitude_law_guess(return_map), within=MAX_DISTANCE_FROM_LAW
+                return_map, one_harmonic_guess(return_map), within=MAX_DISTANCE_FROM_LAW
             )
     if fixed_point is None:
         if guess is None:
@@ -140,7 +140,7 @@ def shoot_limit_cycle(
     )
 
 
-def amplitude_law_guess(return_map: ReturnMap[LimitCycle]) -> tuple[float, float]:
+def one_harmonic_guess(return_map: ReturnMap[LimitCycle]) -> tuple[float, float]:
     """Return the one-harmonic law's cycle as a guess for `shoot`.
 
     The law costs nothing and is good where cycles are small.

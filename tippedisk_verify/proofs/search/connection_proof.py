@@ -55,7 +55,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     SaddleCoordinates,
     magnitude_bound,
     off_diagonal_sums,
-    show_unstable_cone,
+    verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.numbers import ball_to_measured, widened
@@ -450,7 +450,7 @@ class _ConnectionSearch(EvidenceSearch):
                 for part, room in zip(defect, gap, strict=True)
             ]
             try:
-                show_unstable_cone(curve, theta, k, defect)
+                verify_unstable_cone(curve, theta, k, defect)
             except Unproved:
                 continue
             break

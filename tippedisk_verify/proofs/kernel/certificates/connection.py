@@ -16,7 +16,7 @@ z_u measured from the curve of the slow stable manifold.
 2. *Flight.* The derivatives of the flow give p(Omega') - p(Omega) = P G (Omega' - Omega) with an
    enclosed vector G. The set of states also gives p at both ends of I separately.
 3. *Arrival.* p(I) lies in an isolating block N of the second saddle
-(`saddle.show_isolating_block`). At one end of
+(`saddle.verify_isolating_block`). At one end of
    I w_u < -delta, at the other end w_u > delta.
 4. *Uniqueness.* G lies in the unstable cone of a box about the saddle. On this box the
    inequalities of the cones are shown (`saddle.cone_conditions`).
@@ -54,8 +54,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     cone_conditions,
     magnitude_bound,
     require_positive,
-    show_isolating_block,
-    show_unstable_cone,
+    verify_isolating_block,
+    verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
 from tippedisk_verify.proofs.kernel.step import Step
@@ -162,7 +162,7 @@ def verify_connection(
         [sum(row[k] * x for k, x in enumerate(change)) for row in path.derivatives]
     )
     extents = evidence_source("block", z, arriving)
-    delta, box, matrix = show_isolating_block(arriving, extents)
+    delta, box, matrix = verify_isolating_block(arriving, extents)
     w_u, w_f = arriving.offset_from_curve(z)
     require_positive(
         "6.3: arrivals lie in the block",
@@ -225,7 +225,7 @@ def _enclose_unstable_branch(
     curve, theta = _manifold_graph(saddle, UNSTABLE, entry), entry["reach"]
     defect = curve.relative_defect(theta)
     cone = evidence_source("cone", curve, theta, defect)
-    start, whole, matrix = show_unstable_cone(curve, theta, cone, defect)
+    start, whole, matrix = verify_unstable_cone(curve, theta, cone, defect)
     by_speed = saddle.rates_and_derivatives(whole, curve.side)[2]
     _, k_s, k_f = weights = evidence_source("drift", matrix, by_speed)
     require_positive(

@@ -306,10 +306,10 @@ class SaddlePassage:
                 )
             ),
         )
-        self._show_thin_set()
-        self._show_quadrant(weights["return"])
+        self._verify_thin_set()
+        self._verify_quadrant(weights["return"])
 
-    def _show_thin_set(self) -> None:
+    def _verify_thin_set(self) -> None:
         """Show that orbits stay in the thin set |z_f| <= k_3 max(|z_u|, |z_s|) (part 7a.4).
 
         k_3 is the weight ``thin_slope``. Stores in ``crossing_ratios`` enclosures of z / z_u where
@@ -346,7 +346,7 @@ class SaddlePassage:
         """
         return sum(self.saddle.directions[row, k] * self.crossing_ratios[k] for k in range(3))
 
-    def _show_quadrant(self, rate: Any) -> None:
+    def _verify_quadrant(self, rate: Any) -> None:
         """Show that orbits do not leave the set K within N (7a.4).
 
         K contains all offsets y from the saddle with beta_bar <= 0, y_g <= 0 and v <= -p beta_bar,

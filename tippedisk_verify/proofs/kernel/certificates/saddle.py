@@ -38,14 +38,14 @@ Let theta = z_u. Suppose that on the cone |w_i| <= k_i theta, 0 < theta <= theta
 Then orbits cross the cone's sides inwards only, and theta grows. The linear flow maps the linear
 cone into its interior, which by Krein and Rutman's theorem then holds the leading eigenvector. So
 the branch of the unstable manifold with theta > 0 starts inside the cone and leaves it at theta_0.
-Its point there has |w_i| <= k_i theta_0 (`show_unstable_cone`).
+Its point there has |w_i| <= k_i theta_0 (`verify_unstable_cone`).
 
 Isolating block (6.3)
 ---------------------
 Let theta = z_s and N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}. Suppose that z_s and w_f point inwards
 on their faces, and that w_u' has the sign of w_u for delta <= |w_u| <= u. Then an orbit in N with
 w_u > delta leaves N through w_u = u, one with w_u < -delta through w_u = -u. No orbit leaves
-anywhere else (`show_isolating_block`).
+anywhere else (`verify_isolating_block`).
 
 The smooth friction law (6.5)
 -----------------------------
@@ -109,8 +109,8 @@ __all__ = [
     "magnitude_bound",
     "off_diagonal_sums",
     "require_positive",
-    "show_isolating_block",
-    "show_unstable_cone",
+    "verify_isolating_block",
+    "verify_unstable_cone",
     "wedge_product",
 ]
 
@@ -516,7 +516,7 @@ class ManifoldGraph:
         return bounds
 
 
-def show_unstable_cone(
+def verify_unstable_cone(
     curve: ManifoldGraph, theta: Any, cone: Sequence[Any], defect: Sequence[Any]
 ) -> tuple[list[Any], list[Any], Any]:
     """Show that the unstable manifold stays in a cone about the curve up to z_u = theta > 0 (6.1).
@@ -556,7 +556,7 @@ def show_unstable_cone(
     return curve.point(theta, within), whole, matrix
 
 
-def show_isolating_block(
+def verify_isolating_block(
     curve: ManifoldGraph, extents: Sequence[Any]
 ) -> tuple[Any, list[Any], Any]:
     """Show that a box about the saddle, N = {|z_s| <= s, |w_u| <= u, |w_f| <= t}, is an isolating
