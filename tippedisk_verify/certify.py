@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
     from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
-    from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
+    from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
     from tippedisk_verify.proofs.search.cycle_proof import CycleProof
     from tippedisk_verify.proofs.search.family_intervals import Interval
     from tippedisk_verify.proofs.search.family_proof import FamilyProof
@@ -38,7 +38,7 @@ _BAR_STEPS_PER_RAD = 1000
 _MAX_AMPLITUDE = Fraction("3.1415")  # rad, just below pi, which gamma_bar_0 reaches at Omega_h
 # rad/s from Omega_h. At 1e-5 the proof of one cycle takes a minute, closer in it takes longer.
 _MIN_DISTANCE = Fraction(1, 10**7)
-Workers = Callable[[bool], AbstractContextManager["Executor | None"]]
+ExecutorFactory = Callable[[bool], AbstractContextManager["Executor | None"]]
 
 
 @ignore_numpy_errors_in_methods
@@ -241,7 +241,7 @@ class Certifier:
     # ----------------------------------------------------------------------- Omega_h and the family
     def heteroclinic(
         self, near: object = None, *, digits: int = 12, progress: bool | None = None
-    ) -> ProvedConnection:
+    ) -> ConnectionProof:
         """Enclose Omega_h in an interval of length 10^-digits or less, and prove it unique there.
 
         Args:
@@ -257,8 +257,8 @@ class Certifier:
         """
         from tippedisk_verify.proofs.search.connection_proof import (
             MAX_DIGITS,
+            ConnectionProof,
             ConnectionStatus,
-            ProvedConnection,
             prove_connection,
         )
 
@@ -275,7 +275,7 @@ class Certifier:
                 advance("proof", 1)
                 return prove_connection(self.disk, guess, digits)
             except NoConnectionError as fault:
-                return ProvedConnection(ConnectionStatus.NO_SADDLE, outcome_detail=str(fault))
+                return ConnectionProof(ConnectionStatus.NO_SADDLE, outcome_detail=str(fault))
 
     def near_omega_h(
         self,
@@ -319,7 +319,7 @@ class Certifier:
         self,
         until: object = None,
         *,
-        workers: Workers = lambda several: nullcontext(None),
+        workers: ExecutorFactory = lambda several: nullcontext(None),
         progress: bool | None = None,
     ) -> FamilyProof:
         """Prove that the limit cycles from the Hopf point to the heteroclinic cycle form one curve.

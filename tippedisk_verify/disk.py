@@ -611,14 +611,14 @@ class Disk(Parameters):
             AccuracyError: If the digits were not reached.
         """
         from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
-        from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+        from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 
         require_one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:
             speed = self._speed(omega, below_crit, digits)
             how: dict[str, Any] = {"stable": stable, "digits": digits, "half_widths": half_widths}
             with show_share("rotating cycle", progress):
-                cycle = rotating_cycle(self, speed.value, self._engine(engine), **how)
+                cycle = rotating_cycle_at(self, speed.value, self._engine(engine), **how)
             return replace(cycle, omega=speed)
         if not stable:
             raise InputError(

@@ -12,7 +12,7 @@ from tippedisk_verify.cycles.collocation.collocation_cycles import (
     collocation_rotating_cycle,
 )
 from tippedisk_verify.cycles.families.folds import fold_near
-from tippedisk_verify.cycles.shooting.section import BETA_EXTREMUM, FULL_ROTATION, ROTATING
+from tippedisk_verify.cycles.shooting.section import FULL_ROTATION, RECORDED_BETA_EXTREME, ROTATING
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status
@@ -94,7 +94,7 @@ class _Period:
             divergence=True,
             domain="none",
             variations=("beta", "gamma", "v", "Omega"),
-            events=(BETA_EXTREMUM, _TOP) if rotating else (BETA_EXTREMUM,),
+            events=(RECORDED_BETA_EXTREME, _TOP) if rotating else (RECORDED_BETA_EXTREME,),
         )
         self.result = default_engine()(request)
         if self.result.status is not Status.REACHED:
@@ -127,7 +127,7 @@ class _Period:
         return max(
             fraction(abs(event.state[0] - quarter))
             for event in self.result.events
-            if event.name == BETA_EXTREMUM.name
+            if event.name == RECORDED_BETA_EXTREME.name
         )
 
     def at_top(self, change: Sequence[Any], names: tuple[str, str]) -> dict[str, Fraction]:

@@ -14,7 +14,7 @@ import tippedisk_verify as tv
 from tippedisk_verify.cycles.branch import rotating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import Request, Status
@@ -41,7 +41,7 @@ def agree(one: tv.Measured, other: tv.Measured, digits: int) -> bool:
 
 @pytest.mark.parametrize(("omega", "stable"), POINTS)
 def test_shooting_and_collocation_agree(taylor, omega, stable) -> None:
-    shot = rotating_cycle(PRINTED, omega, taylor, stable=stable, digits=12)
+    shot = rotating_cycle_at(PRINTED, omega, taylor, stable=stable, digits=12)
     other = collocation_rotating_cycle(PRINTED, omega, stable=stable, digits=16)
     for name in SHARED:
         assert agree(getattr(shot, name), other[name], 11), name
@@ -61,7 +61,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [
-            rotating_cycle(disk, fold.omega.value + distance, taylor, stable=stable)
+            rotating_cycle_at(disk, fold.omega.value + distance, taylor, stable=stable)
             for stable in (True, False)
         ]
         multipliers = [float(end.multiplier_slow) - 1 for end in ends]
@@ -77,14 +77,14 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
         assert slope == pytest.approx(float(fold.null_vector), rel=1e-2)
     assert apart[0] / apart[1] == pytest.approx(10, rel=1e-2)  # the same
     with pytest.raises(tv.InputError, match="fold near"):
-        rotating_cycle(disk, fold.omega.value - Fraction(1, 10**3), taylor)
+        rotating_cycle_at(disk, fold.omega.value - Fraction(1, 10**3), taylor)
 
 
 @pytest.mark.parametrize("friction", ["linear", pytest.param("smooth", marks=pytest.mark.slow)])
 def test_the_orbit_turns_once_and_its_image_turns_back(taylor, friction) -> None:
     disk = PRINTED.with_friction(friction)
     omega = {"linear": "30.03", "smooth": "30.06"}[friction]
-    cycle = rotating_cycle(disk, omega, taylor)
+    cycle = rotating_cycle_at(disk, omega, taylor)
     times, (beta, gamma, v) = cycle.orbit(301)
     assert times[-1] == pytest.approx(float(cycle.period), rel=1e-15)  # a rounding of T to double
     assert gamma[-1] - gamma[0] == pytest.approx(2 * math.pi, abs=1e-12)  # of a flight in double
@@ -160,7 +160,7 @@ def test_the_unstable_cycles_stay_within_the_model(taylor, omega) -> None:
     """At higher speeds too the disk does not lie flat. The contact only pushes, and it does not
     open.
     """
-    cycle = rotating_cycle(PRINTED, omega, taylor, stable=False)
+    cycle = rotating_cycle_at(PRINTED, omega, taylor, stable=False)
     assert cycle.beta_max < 1.5
     constants = PRINTED.constants_in(DOUBLE)
     rates = vector_field(math, constants, omega, "linear")

@@ -9,7 +9,7 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
 from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, integrate_outcomes
@@ -58,7 +58,7 @@ def test_the_papers_starts_stand_inside(taylor) -> None:
 
 def test_the_cycle_itself_lies_on_it(taylor) -> None:
     boundary = BasinBoundary(PRINTED, "30.5", taylor)
-    cycle = rotating_cycle(PRINTED, "30.5", taylor, stable=False)
+    cycle = rotating_cycle_at(PRINTED, "30.5", taylor, stable=False)
     for beta, gamma, v in cycle.orbit(5)[1].T:
         margin = float(boundary.margin((beta, gamma, v)))
         # What an orbit in double is off, over half a turn

@@ -8,7 +8,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import SECTION, Event, Request
@@ -88,7 +88,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
     """Compare their lean at the top with shooting, which does not use the orbit."""
     disk = PRINTED.with_friction(friction)
     omega = bisect_omega_h(disk, taylor, confirm=False).omega_h.value - Fraction(1, 50)
-    cycle = rotating_cycle(disk, omega, taylor)
+    cycle = rotating_cycle_at(disk, omega, taylor)
     for orbit in orbits_at(omega, disk, taylor):
         assert orbit.ending.kind == "rotating limit cycle"
         assert orbit.ending.amplitude.contains(cycle.beta_bar_top)
@@ -108,7 +108,7 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
         kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
         assert kinds <= {"flat", "undecided"}, distance
     for distance in ("1e-5", "1e-3"):
-        truth = rotating_cycle(disk, fold + Fraction(distance), taylor).beta_bar_top
+        truth = rotating_cycle_at(disk, fold + Fraction(distance), taylor).beta_bar_top
         for ending in (
             orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)
         ):

@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.proved_flow import (
     rounded_down_to_20_bits,
 )
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
-from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 MIN_STEP = 2.0**-40  # s
@@ -159,6 +159,6 @@ def box_is_included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -
 
 
 @cache
-def proved_connection() -> ProvedConnection:
+def proved_connection() -> ConnectionProof:
     """Omega_h of the printed disk to nine digits: a second or two, once for all tests."""
     return prove_connection(PRINTED, "30.0488682607225", 9)

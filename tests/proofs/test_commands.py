@@ -27,8 +27,8 @@ from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
 from tippedisk_verify.proofs.search.connection_proof import (
     MAX_DIGITS,
+    ConnectionProof,
     ConnectionStatus,
-    ProvedConnection,
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle_proof import ROTATING_SECTION, prove_cycle
@@ -145,7 +145,7 @@ def test_a_root_is_enclosed_for_all_coefficients_in_their_balls() -> None:
 # ------------------------------------------------------------------------------------ from Python
 SMOOTH = PRINTED.with_friction("smooth")
 #: As if it were proved; what is refused is refused before the kernel's result is used.
-CONNECTION = ProvedConnection(
+CONNECTION = ConnectionProof(
     ConnectionStatus.PROVED,
     Measured.of("30.0488682607", "1e-10"),
     parameters=PRINTED,

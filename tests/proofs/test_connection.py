@@ -25,8 +25,8 @@ from tippedisk_verify.proofs.search.connection_cycles_proof import (
     prove_connection_cycles,
 )
 from tippedisk_verify.proofs.search.connection_proof import (
+    ConnectionProof,
     ConnectionStatus,
-    ProvedConnection,
     prove_connection,
 )
 from tippedisk_verify.reference_values.lookup import reference
@@ -112,11 +112,11 @@ def test_a_disk_without_a_saddle_is_refused() -> None:
 # ---------------------------------------------------------------------------- the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
     assert (
-        prove_connection_cycles(ProvedConnection(ConnectionStatus.FLOW)).status
+        prove_connection_cycles(ConnectionProof(ConnectionStatus.FLOW)).status
         is ConnectionCyclesStatus.NO_CONNECTION
     )
     assert (
-        prove_connection_cycles(ProvedConnection(ConnectionStatus.NO_SADDLE)).to_dict()["proved"]
+        prove_connection_cycles(ConnectionProof(ConnectionStatus.NO_SADDLE)).to_dict()["proved"]
         is False
     )
 

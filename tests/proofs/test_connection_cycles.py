@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precisi
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
-    CyclesNextToConnection,
+    EnclosedConnectionCycles,
     LoopMap,
     verify_cycles,
 )
@@ -241,7 +241,7 @@ def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:
-    end = CyclesNextToConnection(
+    end = EnclosedConnectionCycles(
         Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268")
     )
     omega = OMEGA_H + Fraction(1, 10**4)

@@ -15,7 +15,7 @@ from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, box_is_included, half_flight, hull, turn_flight
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
@@ -123,7 +123,7 @@ def test_rotating_cycles_of_other_methods_lie_in_the_proved_intervals(
     found = answer(f"certify orbit --rotating {which} --omega {omega} --digits 8")
     assert (found["proved"], found["stable"]) == (True, stable)
     assert ("unstable" in found["statement"]) is not stable
-    ordinary = rotating_cycle(PRINTED, omega, taylor, stable=stable)
+    ordinary = rotating_cycle_at(PRINTED, omega, taylor, stable=stable)
     collocated = (
         collocation_rotating_cycle(PRINTED, omega, stable=stable, digits=14)
         if stable

@@ -9,7 +9,7 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import (
     Fold,
     LibrationFold,
@@ -162,6 +162,6 @@ def test_no_fold_is_proved_beside_one(taylor, subcritical_fold) -> None:
     without = prove_fold(PRINTED, (cycle.gamma_bar_0.value, cycle.v_0.value, "30.4"), digits=8)
     assert "not proved to rise at one end" in without.outcome_detail
     assert not prove_fold(SUBCRITICAL, ("1.5", "-1.9", "30.957"), digits=8).proved
-    rising = rotating_cycle(PRINTED, "30.02", taylor, stable=False, digits=25)
+    rising = rotating_cycle_at(PRINTED, "30.02", taylor, stable=False, digits=25)
     near = (rising.beta_bar_top.value, rising.v_top.value, "30.02")
     assert not prove_fold(PRINTED, near, digits=8, section=ROTATING_SECTION).proved

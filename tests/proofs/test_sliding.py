@@ -26,7 +26,7 @@ from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalS
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
 from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import (
-    ProvedConnection,
+    ConnectionProof,
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
@@ -181,12 +181,12 @@ TRUTH = reference("table1/smooth/heteroclinic/point/omega_h").measured()
 
 
 @pytest.fixture(scope="module")
-def connection() -> ProvedConnection:
+def connection() -> ConnectionProof:
     # So wide an interval could not be followed past the saddle: a narrower one is proved.
     return prove_connection(SMOOTH, TRUTH.value, 1)
 
 
-def test_the_proved_interval_holds_omega_h(connection: ProvedConnection) -> None:
+def test_the_proved_interval_holds_omega_h(connection: ConnectionProof) -> None:
     assert connection.proved
     assert connection.unique
     assert connection.upright
@@ -199,7 +199,7 @@ def test_the_proved_interval_holds_omega_h(connection: ProvedConnection) -> None
 
 
 def test_nothing_is_said_of_limit_cycles_of_a_field_without_second_derivatives(
-    connection: ProvedConnection,
+    connection: ConnectionProof,
 ) -> None:
     """All other hypotheses of the theorem are there."""
     assert connection.arrives_along_slow_direction

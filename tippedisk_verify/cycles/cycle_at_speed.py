@@ -30,7 +30,7 @@ from tippedisk_verify.theory.hopf import distance_below_crit
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.locator import CycleLocator
 
-__all__ = ["librating_cycle_at", "librating_cycles_at", "rotating_cycle"]
+__all__ = ["librating_cycle_at", "librating_cycles_at", "rotating_cycle_at"]
 
 
 def _locator(parameters: Parameters, engine: Engine) -> CycleLocator:
@@ -125,7 +125,7 @@ def librating_cycles_at(
     return [librating_cycle_at(parameters, omega, engine, half_widths=half_widths)]
 
 
-def rotating_cycle(
+def rotating_cycle_at(
     parameters: Parameters,
     omega: object,
     engine: Engine,

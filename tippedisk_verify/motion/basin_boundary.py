@@ -13,7 +13,7 @@ import math
 from collections.abc import Sequence
 from fractions import Fraction
 
-from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import ROTATING
 from tippedisk_verify.errors import InputError
@@ -69,7 +69,7 @@ class BasinBoundary(Printable):
     def __init__(self, parameters: Parameters, omega: object, engine: Engine) -> None:
         self.parameters, self.engine, self.omega = parameters, engine, checked_speed(omega)
         #: The unstable rotating cycle. Its stable manifold is the sheet of larger beta.
-        self.cycle = rotating_cycle(parameters, self.omega, engine, stable=False)
+        self.cycle = rotating_cycle_at(parameters, self.omega, engine, stable=False)
         self._top = float(self.cycle.beta_bar_top), float(self.cycle.v_top)
         (_, b), (_, d) = ReturnMap(ROTATING, parameters, self.omega, engine)(self._top).jacobian
         # (1, w), the left eigenvector of the turn map's derivative, extracts that coordinate from a

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy
 
-from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at, rotating_cycle
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at, rotating_cycle_at
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.batch import equation_constants
@@ -186,7 +186,7 @@ class Attractors:
     amplitude: float | None = None  #: gamma_bar_0 of the stable limit cycle [rad]
     lean: float | None = None  #: |beta - pi/2| of the stable rotating cycle at gamma = pi/2 [rad]
     inverted: bool = False  #: True if inverted spinning is stable
-    last: float = _LAST_SECONDS  #: [s] of the crossings that decide
+    deciding_time: float = _LAST_SECONDS  #: [s] of the crossings that decide
 
     @classmethod
     def at(cls, parameters: Parameters, omega: Fraction) -> Attractors:
@@ -204,12 +204,12 @@ class Attractors:
                 amplitude, period = float(cycle.gamma_bar_0), float(cycle.period)
         if amplitude is None:
             with suppress(NoSuchCycleError, NoConnectionError, AccuracyError):
-                rotating = rotating_cycle(parameters, omega, default_engine(), digits=6)
+                rotating = rotating_cycle_at(parameters, omega, default_engine(), digits=6)
                 lean, period = float(rotating.beta_bar_top), float(rotating.period)
         stable = is_stable(linearization(parameters, omega))
         return cls(amplitude, lean, stable, max(_LAST_SECONDS, _LAST_PERIODS * period))
 
-    def ending(self, crossings: Sequence[_NamedState]) -> str:
+    def outcome_of(self, crossings: Sequence[_NamedState]) -> str:
         """Return the outcome of an orbit, the attractor that it approaches, from its recorded
         crossings.
 
@@ -262,16 +262,16 @@ def integrate_outcomes(
     moving = numpy.flatnonzero(numpy.sin(states[:, 0]) > 0)
     outcome[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
     now = states[moving]
-    until, elapsed = max(0.0, duration - attractors.last), 0.0
+    until, elapsed = max(0.0, duration - attractors.deciding_time), 0.0
     while elapsed < _MAX_RUN * duration and len(moving):
         deciding = elapsed >= until
-        stretch = attractors.last if deciding else min(_STRETCH_TIME, until - elapsed)
+        stretch = attractors.deciding_time if deciding else min(_STRETCH_TIME, until - elapsed)
         now, flat, crossings = _run(parameters, omega, now, stretch, record=deciding)
         outcome[moving[flat]] = _FLAT_INDEX
         going = ~flat
         if deciding:
             for n in numpy.flatnonzero(going).tolist():
-                ending = attractors.ending(crossings[n])
+                ending = attractors.outcome_of(crossings[n])
                 outcome[moving[n]] = OUTCOMES.index(ending)
                 going[n] = ending == "undecided"
         moving, now = moving[going], now[going]

@@ -28,13 +28,13 @@ _MAX_LINE = 1_000_000  # bytes of a line of the journal
 # The number of points submitted at a time, so that a long sweep does not fill the memory
 _MAX_QUEUED_POINTS = 256
 Row = dict[str, str]
-Workers = Callable[[], AbstractContextManager[Executor | None]]
+ExecutorFactory = Callable[[], AbstractContextManager[Executor | None]]
 
 
 def run_sweep(
     plan: SweepPlan,
     out: Path,
-    workers: Workers,
+    workers: ExecutorFactory,
     advance: Callable[[str, int], None] = lambda label, steps: None,
 ) -> tuple[int, int]:
     """Run a parameter sweep and write its table to a file.
@@ -77,7 +77,7 @@ def run_sweep(
 
 
 def _compute_rows(
-    plan: SweepPlan, journal: Path, rows: dict[int, Row], workers: Workers
+    plan: SweepPlan, journal: Path, rows: dict[int, Row], workers: ExecutorFactory
 ) -> Iterator[Row]:
     """Compute the missing rows of a sweep's table, and yield each one after it has been written to
     the journal and added to ``rows``.

@@ -34,7 +34,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
-from tippedisk_verify.conformance.diagnosis.levelwise import LevelwiseDiagnosis
+from tippedisk_verify.conformance.diagnosis.levelwise import SheetDiagnosis
 from tippedisk_verify.conformance.diagnosis.tables import tables_of
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.reference_values.store import Store
@@ -56,5 +56,5 @@ def diagnose(
     """
     grades = list(grades)
     levels = sorted({grade.level for grade in grades if grade.failed})
-    sheet = LevelwiseDiagnosis(tables_of(grades, store) if levels else [], store, advance)
+    sheet = SheetDiagnosis(tables_of(grades, store) if levels else [], store, advance)
     return [sheet.diagnose_level(level, grades) for level in levels]

@@ -41,7 +41,7 @@ from tippedisk_verify.conformance.diagnosis.tables import EXPLAINED_LAST, Array,
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.reference_values.store import Store
 
-__all__ = ["LevelwiseDiagnosis"]
+__all__ = ["SheetDiagnosis"]
 
 # Changes that may be evaluated for a sheet, which takes about two seconds
 _MAX_CHANGES_EVALUATED = 25_000
@@ -66,7 +66,7 @@ ChangesByLaw = dict[Change, frozenset[str]]
 ChangeChoice = tuple[list[Change], ChangesByLaw]
 
 
-class LevelwiseDiagnosis:
+class SheetDiagnosis:
     """The diagnosis of one sheet of answers: the mistakes found so far, and the answers that they
     explain.
 

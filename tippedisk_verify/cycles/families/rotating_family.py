@@ -38,7 +38,7 @@ class RotatingFamily(Family):
         parameters: The disk and its friction law.
         engine: The engine of the flights.
         omega_h: The disk's Omega_h [rad/s].
-        solve: Finds cycles of chosen beta_bar_top, on nodes that leave rounding only. If None, the
+        solver: Finds cycles of chosen beta_bar_top, on nodes that leave rounding only. If None, the
             engine finds them one at a time, on fewer nodes, for guesses.
 
     Raises:
@@ -48,7 +48,11 @@ class RotatingFamily(Family):
     section = ROTATING
 
     def __init__(
-        self, parameters: Parameters, engine: Engine, omega_h: Fraction, solve: Solver | None = None
+        self,
+        parameters: Parameters,
+        engine: Engine,
+        omega_h: Fraction,
+        solver: Solver | None = None,
     ) -> None:
         self.omega_h = omega_h
         first, singly = omega_h * _FIRST_SPEED, sequential_solver(ROTATING, parameters, engine)
@@ -80,8 +84,8 @@ class RotatingFamily(Family):
             omega,
             *(rate * slope for slope in (ratio_slope, *slopes[1:])),
         )
-        nodes = _GUESSING_NODES if solve is None else _NODES
-        super().__init__(parameters, engine, solve or singly, nodes, centre, half_range, first_row)
+        nodes = _GUESSING_NODES if solver is None else _NODES
+        super().__init__(parameters, engine, solver or singly, nodes, centre, half_range, first_row)
         self.extend()
         self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
 

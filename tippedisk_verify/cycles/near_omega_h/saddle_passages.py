@@ -27,7 +27,7 @@ import numpy
 from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.connection.splitting import first_arrival
-from tippedisk_verify.cycles.shooting.section import BETA_EXTREMUM
+from tippedisk_verify.cycles.shooting.section import RECORDED_BETA_EXTREME
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import vector_field
@@ -225,7 +225,7 @@ class GlobalMap:
             duration=self.duration,
             precision=EXTENDED,
             divergence=True,
-            events=(BETA_EXTREMUM, GAMMA_TOP),
+            events=(RECORDED_BETA_EXTREME, GAMMA_TOP),
             perturbation_pattern=self.settings.perturbation_pattern,
         )
         flight = self._engine(request)
@@ -234,7 +234,9 @@ class GlobalMap:
         beta, gamma, v = flight.state
         point = self.arriving.chart_at(at).coordinates(numpy.array([beta, gamma - EXTENDED.pi, v]))
         extreme = max(
-            abs(event.state[0]) for event in flight.events if event.name == BETA_EXTREMUM.name
+            abs(event.state[0])
+            for event in flight.events
+            if event.name == RECORDED_BETA_EXTREME.name
         )
         top = next(event.state for event in flight.events if event.name == GAMMA_TOP.name)
         return [*point, flight.divergence, extreme, top[0], top[2]]

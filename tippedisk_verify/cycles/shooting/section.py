@@ -22,10 +22,10 @@ from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.flow.contract import BETA_EXTREME, GAMMA_TOP, SECTION, Event, Variation
 
 __all__ = [
-    "BETA_EXTREMUM",
     "FULL_ROTATION",
     "GAMMA_BOTTOM",
     "LIBRATING",
+    "RECORDED_BETA_EXTREME",
     "ROTATING",
     "SECTION_RETURN",
     "VARIATIONS",
@@ -42,7 +42,7 @@ FULL_ROTATION = Event("round", GAMMA_TOP.function, direction=-1)
 #: gamma = -pi/2 modulo 2 pi, passed upward: next to the saddle.
 GAMMA_BOTTOM = Event("bottom", GAMMA_TOP.function, direction=1, terminal=False)
 #: beta is extreme.
-BETA_EXTREMUM = Event("extreme", BETA_EXTREME.function, terminal=False)
+RECORDED_BETA_EXTREME = Event("extreme", BETA_EXTREME.function, terminal=False)
 #: The variables with respect to which flights are differentiated. beta is among them: with four
 #: variables heyoka differentiates in reverse, with less work.
 VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v", "Omega")
@@ -133,7 +133,7 @@ class Section(Generic[C]):
         return numbers
 
 
-_BETA_MAX = EventQuantity("beta_max", BETA_EXTREMUM, 0, largest=True)
+_BETA_MAX = EventQuantity("beta_max", RECORDED_BETA_EXTREME, 0, largest=True)
 
 #: beta = pi/2 with v < 0, to the next crossing (v > 0), then S. gamma is extreme there: gamma'
 #: vanishes.

@@ -31,14 +31,14 @@ from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precisi
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     CLAIM_SHAPE,
     LID_REFUSAL,
-    CyclesNextToConnection,
+    EnclosedConnectionCycles,
     LoopMap,
     verify_cycles,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
 from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
 from tippedisk_verify.proofs.numbers import ball_to_measured
-from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, eigenvectors
+from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, eigenvectors
 from tippedisk_verify.proofs.search.proof import (
     EvidenceSearch,
     Proof,
@@ -99,7 +99,7 @@ class ConnectionCyclesProof(Proof):
     """
 
     status: ConnectionCyclesStatus
-    connection: ProvedConnection
+    connection: ConnectionProof
     low: Fraction = Fraction(0)
     high: Fraction = Fraction(0)
     gamma: Fraction = Fraction(0)  #: c [rad]
@@ -152,7 +152,7 @@ class ConnectionCyclesProof(Proof):
         if not self.proved or self.connection.omega_h is None:
             return False
         above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
-        return CyclesNextToConnection(
+        return EnclosedConnectionCycles(
             self.low, self.high, above, self.gamma, self.v
         ).contains_cycle(omega, gamma_bar, v)
 
@@ -172,7 +172,7 @@ class ConnectionCyclesProof(Proof):
 
 
 def prove_connection_cycles(
-    connection: ProvedConnection,
+    connection: ConnectionProof,
     reach: object = "0.008",
     below: object = "0.0015",
     on_progress: Callable[[float], None] = lambda share: None,
@@ -249,7 +249,7 @@ def checked_distance(number: object) -> Fraction:
 
 class _CyclesSearch(EvidenceSearch):
     def __init__(
-        self, connection: ProvedConnection, low: Fraction, high: Fraction, lid_factor: float
+        self, connection: ConnectionProof, low: Fraction, high: Fraction, lid_factor: float
     ) -> None:
         """Prepare a search for the evidence of this proof at speeds from ``low`` to ``high``
         [rad/s].

@@ -71,8 +71,8 @@ from tippedisk_verify.proofs.search.steps import FlightStepSearch
 __all__ = [
     "MAX_DIGITS",
     "ArrivalBox",
+    "ConnectionProof",
     "ConnectionStatus",
-    "ProvedConnection",
     "eigenvectors",
     "invariant_curve_series",
     "prove_connection",
@@ -124,7 +124,7 @@ class ArrivalBox(NamedTuple):
 
 
 @dataclass(frozen=True, repr=False)
-class ProvedConnection(Printable, Proof):
+class ConnectionProof(Printable, Proof):
     """The result of a proof of the heteroclinic connection: an interval of Omega_h and its
     properties.
 
@@ -236,7 +236,7 @@ class ProvedConnection(Printable, Proof):
         return super().to_dict() | {"status": self.status.name.lower(), "room": room}
 
 
-def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ProvedConnection:
+def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> ConnectionProof:
     """Prove that the heteroclinic connection exists at a speed Omega_h in an interval about
     ``near`` [rad/s], of absolute and relative length up to 10^-digits.
 
@@ -274,14 +274,14 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
                     disk, parameters.law.name, (middle, half_width), search
                 )
         except Unproved as fault:
-            proof = ProvedConnection(
+            proof = ConnectionProof(
                 search.failure_status(fault), bits=bits, outcome_detail=str(fault)
             )
             if proof.status is ConnectionStatus.NOT_NEAR:
                 break
             bits += 48
         else:
-            return ProvedConnection(
+            return ConnectionProof(
                 status=ConnectionStatus.PROVED,
                 omega_h=Measured(middle, half_width),
                 unique=verified.unique,

@@ -30,7 +30,7 @@ from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     prove_connection_cycles,
 )
-from tippedisk_verify.proofs.search.connection_proof import ProvedConnection, prove_connection
+from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
@@ -69,7 +69,7 @@ ApproximateCycle = tuple[Fraction, Fraction, Fraction, Fraction]
 IntervalResult = tuple[Piece | ArcStatus, "Interval"]
 IntervalCallback = Callable[[Piece | ArcStatus, "Interval"], None]
 #: A maker of a pool of processes, for several intervals
-PoolMaker = Callable[[bool], AbstractContextManager[Executor | None]]
+ExecutorFactory = Callable[[bool], AbstractContextManager[Executor | None]]
 
 
 def prove_family(
@@ -77,7 +77,7 @@ def prove_family(
     omega_h_at: Callable[[int], Fraction | None],
     cycles_at: Callable[[list[Fraction] | None], list[ApproximateCycle]],
     until: Fraction | None = None,
-    pool: PoolMaker = lambda several: nullcontext(),
+    pool: ExecutorFactory = lambda several: nullcontext(),
     on_stage: Callable[[str], None] = lambda name: None,
     on_interval: IntervalCallback = lambda result, interval: None,
 ) -> FamilyProof:
@@ -97,7 +97,7 @@ def prove_family(
     """
     pieces: list[Piece] = []
     wanted = _DEFAULT_END if until is None else until
-    connection: ProvedConnection | None = None
+    connection: ConnectionProof | None = None
     near: ConnectionCyclesProof | None = None
 
     def keep_piece(result: Piece | ArcStatus, interval: Interval) -> None:
@@ -134,7 +134,7 @@ def prove_family(
     return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
 
 
-def _prove_cycles_next_to(connection: ProvedConnection) -> ConnectionCyclesProof | None:
+def _prove_cycles_next_to(connection: ConnectionProof) -> ConnectionCyclesProof | None:
     """Prove the limit cycles next to a connection up to the largest distance from Omega_h that
     succeeds.
 

@@ -28,7 +28,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 )
 from tippedisk_verify.proofs.search.arc_evidence import piece_entry
 from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
-from tippedisk_verify.proofs.search.connection_proof import ProvedConnection
+from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
 from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
 
 __all__ = ["FamilyProof"]
@@ -51,7 +51,7 @@ class FamilyProof(Proof):
     pieces: tuple[Piece, ...]
     #: The reason why the piece after the last one is not proved, if one was tried
     stop_reason: ArcStatus | None = None
-    connection: ProvedConnection | None = None  #: Omega_h, if it is known
+    connection: ConnectionProof | None = None  #: Omega_h, if it is known
     near_omega_h: ConnectionCyclesProof | None = (
         None  #: the cycles next to the connection, if they are proved
     )
