@@ -206,8 +206,8 @@ class SplittingFunction:
         return Fraction(1, 10 ** (int(self.precision.bits * math.log10(2)) // 2))
 
     def slope(self, omega: Fraction) -> Fraction:
-        """Return the derivative of `Splitting.invariant` with respect to Omega [s/rad], by a central
-        difference.
+        """Return the derivative of `Splitting.invariant` with respect to Omega [s/rad], by a
+        central difference.
 
         Args:
             omega: The speed [rad/s].

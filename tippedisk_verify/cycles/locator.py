@@ -55,8 +55,8 @@ _FOLD_NEIGHBOURHOOD = 1e-4  # rad, in the first coordinate; two cycles that clos
 # The largest number of zeros after the point of a distance from the Hopf point. A cycle there takes
 # half a minute.
 _MAX_NEAR_HOPF_ZEROS = 100
-# Nearer to the Hopf point than this many distances of the family's first node, the law of the amplitude
-# predicts the cycle.
+# Nearer to the Hopf point than this many distances of the family's first node, the law of the
+# amplitude predicts the cycle.
 _AMPLITUDE_LAW_REACH = 2
 _MAX_DISKS = 16  # disks in the cache
 
@@ -292,8 +292,8 @@ class CycleLocator:
     def _next_to_omega_h(
         self, guesses_at_speed: GuessesAtSpeed[C], piece: int, *, above: bool
     ) -> GuessesAtSpeed[C]:
-        """Return the ``guesses_at_speed`` of the cycles at a speed so close to Omega_h that doubles do not
-        show on which side the speed is, corrected for the true side.
+        """Return the ``guesses_at_speed`` of the cycles at a speed so close to Omega_h that doubles
+        do not show on which side the speed is, corrected for the true side.
 
         ``piece`` is the number of the family's piece that ends at Omega_h. Its cycles lie ``above``
         Omega_h, or below. If the speed is on their side, the piece gets a guess without

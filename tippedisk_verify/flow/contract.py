@@ -240,7 +240,8 @@ class Request:
     #: from the result.
     digits: int = 12
     domain: Literal["event", "samples", "none"] = "event"
-    #: For a twin of the run: the pattern by which the inputs' last bits move (`system.perturb_last_bits`).
+    #: For a twin of the run: the pattern by which the inputs' last bits move
+    #: (`system.perturb_last_bits`).
     perturbation_pattern: int | None = None
     max_steps: int = MAX_STEPS
 

@@ -5,8 +5,8 @@ speed ``Omega`` in rad/s. The functions take ``ops``, a namespace with ``sin`` a
 kind of number (``math``, ``numpy``, an mpmath context, ``heyoka``, ``sympy``). They work on the
 same kind: floats, arrays, high-precision numbers, expressions.
 
-`equation_terms` holds the paper's own quantities. `vector_field` is the function that is integrated.
-It is the same acceleration in another form:
+`equation_terms` holds the paper's own quantities. `vector_field` is the function that is
+integrated. It is the same acceleration in another form:
 
 - Common factors are taken out, which leaves 51 instead of 75 operations in a Taylor recurrence.
 - Products replace powers, because a general power divides by its base and cos(beta) vanishes at

@@ -463,8 +463,8 @@ def predicted_answers(
 def regression_problems(table: Table, change_set: Iterable[Change]) -> list[RegressionProblem]:
     """Return the quantities of a table in which mistakes can be searched for, each as a problem.
 
-    A problem has the answers to one quantity and its definition. The problems are in the order of the
-    equations. Where a definition depends on other quantities, the program's own answers to them
+    A problem has the answers to one quantity and its definition. The problems are in the order of
+    the equations. Where a definition depends on other quantities, the program's own answers to them
     are used, so that a mistake in them is not counted twice.
 
     Args:

@@ -155,8 +155,8 @@ class Search:
             problem: The answers to the quantity, and its definition.
             programs: Programs with the problem's inputs, the likeliest first. Each comes with the
                 names of the definitions behind right answers, which are not changed.
-            max_effort: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes that
-                multiply. A higher effort is made only if the lower ones find nothing.
+            max_effort: The highest effort: 1, 2 and 3 search for as many changes, 4 for changes
+                that multiply. A higher effort is made only if the lower ones find nothing.
 
         Returns:
             Pairs of a program's index and a set, at most one to a program; [] if nothing is sets.

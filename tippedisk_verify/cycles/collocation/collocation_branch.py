@@ -1,5 +1,5 @@
-"""Collocated cycles in double: Newton's iteration, the branch through folds, and the first cycles of
-both kinds.
+"""Collocated cycles in double: Newton's iteration, the branch through folds, and the first cycles
+of both kinds.
 
 One Newton iteration solves for a point of a branch within a plane: that of a speed, or one across
 the branch. The stopping rules are not those of shooting. The two methods share nothing, so that

@@ -55,7 +55,8 @@ def numbers_from_map(
         slopes: The derivatives of both coordinates and the flight time with respect to Omega,
             along the family.
         trivial: The multiplier of a flight along the flow, 1 but for rounding.
-        flight: The section's event quantities and the integral of the ``divergence`` over the flight.
+        flight: The section's event quantities and the integral of the ``divergence`` over the
+            flight.
         ops: The functions of the arithmetic.
     """
     laps, choose = (
