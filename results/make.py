@@ -23,8 +23,8 @@ from results.scipy_program import answered
 from tippedisk_verify.commands.conformance_sources import CLIENTS
 from tippedisk_verify.commands.conformance_sources import FOLDER as SOURCES
 from tippedisk_verify.conformance.sheet import questions, sheet_csv
-from tippedisk_verify.files import csv_text, write_text
 from tippedisk_verify.reference_values.store import load_store
+from tippedisk_verify.support.files import csv_text, write_text
 
 HERE = Path(__file__).parent
 KINDS = ("trajectory", "limit-cycle", "near-heteroclinic")

@@ -14,8 +14,8 @@ import pytest
 from hypothesis import HealthCheck, settings
 
 from tests.shares import pytest_addoption, pytest_collection_modifyitems, pytest_terminal_summary
-from tippedisk_verify.cache import VARIABLE, code_folder
 from tippedisk_verify.flow import code_cache
+from tippedisk_verify.support.cache import VARIABLE, code_folder
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine

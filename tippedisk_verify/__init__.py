@@ -3,6 +3,7 @@
 The front door is `tippedisk_verify.disk`: a `Disk` and the questions it answers. The packages
 behind it follow; each imports only from those before it:
 
+- `tippedisk_verify.support`: files, cache, processes, progress: no mathematics;
 - `tippedisk_verify.model`: numbers, parameters, equations of motion;
 - `tippedisk_verify.proofs`: proved enclosures in ball arithmetic. It imports `model` only, and
   `tippedisk_verify.certify` supplies its starting numbers;

@@ -3,7 +3,7 @@
 Ctrl-C is answered from the first moment, before anything else is imported.
 """
 
-from tippedisk_verify.interrupts import handle_ctrl_c
+from tippedisk_verify.support.interrupts import handle_ctrl_c
 
 
 def entry() -> None:

@@ -26,7 +26,7 @@ from tippedisk_verify.model.exact import fraction, short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.progress import show_progress, show_share, with_progress
+from tippedisk_verify.support.progress import show_progress, show_share, with_progress
 
 if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier

@@ -18,18 +18,7 @@ from typing import Any
 
 from reference_data.make.recipes import answered
 from tippedisk_verify import __version__
-from tippedisk_verify.cache import Cache
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import (
-    csv_text,
-    output_folder,
-    read_bytes,
-    read_text,
-    sole_writer,
-    write_text,
-)
-from tippedisk_verify.parallel import results_as_completed
-from tippedisk_verify.provenance import code_version, digest
 from tippedisk_verify.reference_values.checking import stored_entries
 from tippedisk_verify.reference_values.entries import ReferenceEntry
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
@@ -45,6 +34,17 @@ from tippedisk_verify.reference_values.manifest import (
     verified_texts,
 )
 from tippedisk_verify.reference_values.store import load_store, parse_values_csv
+from tippedisk_verify.support.cache import Cache
+from tippedisk_verify.support.files import (
+    csv_text,
+    output_folder,
+    read_bytes,
+    read_text,
+    sole_writer,
+    write_text,
+)
+from tippedisk_verify.support.parallel import results_as_completed
+from tippedisk_verify.support.provenance import code_version, digest
 
 __all__ = ["DATA_VERSION", "entries_of", "generate", "replace_files", "write_manifest"]
 

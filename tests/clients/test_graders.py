@@ -16,8 +16,8 @@ from tippedisk_verify.commands.conformance_sources import FOLDER, GRADERS
 from tippedisk_verify.conformance.grading import grade_answers, tally_levels
 from tippedisk_verify.conformance.sheet import read_answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import csv_text
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, data_folder, load_store
+from tippedisk_verify.support.files import csv_text
 
 NODE = shutil.which("node")
 OCTAVE = shutil.which("octave-cli") or shutil.which("octave")

@@ -22,10 +22,10 @@ from typing import Any
 import pytest
 
 from tests.stress.strikes import INTERRUPTED, Struck
-from tippedisk_verify import dialogue
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import load_store
+from tippedisk_verify.support import dialogue
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
 

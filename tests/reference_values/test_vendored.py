@@ -15,7 +15,6 @@ import pytest
 import tippedisk_verify as tv
 from reference_data.make.generation import DATA_VERSION
 from tests.command_line import answer, printed
-from tippedisk_verify.provenance import digest
 from tippedisk_verify.reference_values.export import export
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import (
@@ -25,6 +24,7 @@ from tippedisk_verify.reference_values.store import (
     parse_values_csv,
     quantity_definitions,
 )
+from tippedisk_verify.support.provenance import digest
 
 ROOT = Path(__file__).parents[2]
 DATA = data_folder()

@@ -13,13 +13,13 @@ import pytest
 from tests.command_line import answer
 from tippedisk_verify.audit.claim_catalogue import CLAIMS, select_claims
 from tippedisk_verify.audit.claims import Audit, Finding, examine_claim
-from tippedisk_verify.cache import VARIABLE, Cache
 from tippedisk_verify.commands.jobs import process_pool
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.report import tasks as audit_tasks
 from tippedisk_verify.report.tasks import AuditJob, Task, run_tasks, task_key, tasks_for
+from tippedisk_verify.support.cache import VARIABLE, Cache
 
 LOCAL = ("omega_crit", "lambda_3", "sliding_velocity", "chi", "period_crit")
 HEAVY = (

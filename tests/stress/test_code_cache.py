@@ -16,8 +16,8 @@ from unittest.mock import Mock
 import pytest
 
 from tests.stress.runs import LONGEST, environment, run
-from tippedisk_verify.cache import VARIABLE
 from tippedisk_verify.flow import code_cache
+from tippedisk_verify.support.cache import VARIABLE
 
 pytestmark = pytest.mark.skipif(
     sys.platform == "win32", reason="signals, limits and rights are POSIX here"

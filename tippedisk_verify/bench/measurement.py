@@ -21,8 +21,8 @@ from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.truth import Truth, compared_numbers, compute_truth
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.parallel import usable_cores
-from tippedisk_verify.provenance import processor, versions
+from tippedisk_verify.support.parallel import usable_cores
+from tippedisk_verify.support.provenance import processor, versions
 
 __all__ = ["Order", "Score", "fitted_order", "machine_facts", "run_race", "run_time_ratios"]
 

@@ -26,10 +26,10 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import printable, write_text
 from tippedisk_verify.model.results import result_lines
-from tippedisk_verify.parallel import map_of
-from tippedisk_verify.progress import with_progress
+from tippedisk_verify.support.files import printable, write_text
+from tippedisk_verify.support.parallel import map_of
+from tippedisk_verify.support.progress import with_progress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

@@ -20,11 +20,11 @@ import click
 
 from tippedisk_verify.commands.help import DefinedCommand, load_quantities
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import checked_file_path, output_file, sole_writer
 from tippedisk_verify.model.equations import STATE_NAMES, require_one_speed
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.results import result_lines
-from tippedisk_verify.progress import Advance, show_progress
+from tippedisk_verify.support.files import checked_file_path, output_file, sole_writer
+from tippedisk_verify.support.progress import Advance, show_progress
 
 __all__ = [
     "MOTION_COLUMNS",

@@ -22,14 +22,14 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import checked_file_path, printable, read_text, write_text
-from tippedisk_verify.interrupts import clean_up_on_ctrl_c
+from tippedisk_verify.support.files import checked_file_path, printable, read_text, write_text
+from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
 
 if TYPE_CHECKING:
     from tippedisk_verify.conformance.grading import Grade
     from tippedisk_verify.conformance.sheet import Answers
-    from tippedisk_verify.progress import Advance
     from tippedisk_verify.reference_values.store import ReferenceValue, Store
+    from tippedisk_verify.support.progress import Advance
 
 __all__ = ["COMMANDS"]
 
@@ -244,9 +244,9 @@ def run(
 ) -> int:
     from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.conformance.sheet import questions as chosen
-    from tippedisk_verify.dialogue import start_program
     from tippedisk_verify.reference_values.fresh import with_fresh
     from tippedisk_verify.reference_values.store import load_store
+    from tippedisk_verify.support.dialogue import start_program
 
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")

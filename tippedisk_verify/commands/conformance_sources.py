@@ -8,7 +8,7 @@ from tippedisk_verify.commands.common import OutputOptions, command
 from tippedisk_verify.conformance import CLIENTS_FOLDER as FOLDER
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable
+from tippedisk_verify.support.files import printable
 
 __all__ = ["CLIENTS", "FOLDER", "GRADERS", "client", "grader", "guide"]
 

@@ -20,10 +20,10 @@ from tippedisk_verify.commands.common import (
     with_width_columns,
 )
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import read_text, write_bytes, write_table
 from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.exact import Exact, exact
 from tippedisk_verify.model.results import numbers_as_json
+from tippedisk_verify.support.files import read_text, write_bytes, write_table
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.distance_study import NearHeteroclinic

@@ -10,8 +10,8 @@ import click
 
 from tippedisk_verify.commands.common import option_callback
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import clean_up_on_ctrl_c
-from tippedisk_verify.parallel import usable_cores
+from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
+from tippedisk_verify.support.parallel import usable_cores
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor

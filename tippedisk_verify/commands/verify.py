@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.cache import Cache, default_folder
 from tippedisk_verify.commands.common import (
     DiskOptions,
     decimal,
@@ -20,8 +19,9 @@ from tippedisk_verify.commands.common import (
 )
 from tippedisk_verify.commands.jobs import checked_jobs, process_pool
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import write_csv
-from tippedisk_verify.parallel import usable_cores
+from tippedisk_verify.support.cache import Cache, default_folder
+from tippedisk_verify.support.files import write_csv
+from tippedisk_verify.support.parallel import usable_cores
 
 if TYPE_CHECKING:
     from pathlib import Path

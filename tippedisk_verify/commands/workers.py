@@ -26,8 +26,8 @@ from multiprocessing import active_children, get_context, parent_process
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.interrupts import children_without_ctrl_c, postpone_ctrl_c
-from tippedisk_verify.provenance import code_version
+from tippedisk_verify.support.interrupts import children_without_ctrl_c, postpone_ctrl_c
+from tippedisk_verify.support.provenance import code_version
 
 __all__ = ["CodeCheckingExecutor", "ProcessPool", "cluster", "kill_workers"]
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from tippedisk_verify.conformance.grading import Grade, Tally
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable, read_text
 from tippedisk_verify.reference_values.store import Store, is_optional
+from tippedisk_verify.support.files import printable, read_text
 
 __all__ = ["GradeChange", "badge", "expected_failures", "grade_changes", "shortcomings"]
 

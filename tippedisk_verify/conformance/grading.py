@@ -16,7 +16,6 @@ from typing import Any
 from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable
 from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.exact import fraction, plain_number
 from tippedisk_verify.model.results import Printable
@@ -34,6 +33,7 @@ from tippedisk_verify.reference_values.store import (
     is_optional,
     optional_ids_of_state,
 )
+from tippedisk_verify.support.files import printable
 
 __all__ = [
     "LEVEL_NAMES",

@@ -18,10 +18,10 @@ from tippedisk_verify.conformance.sheet import (
     parse_answer_line,
     question_row,
 )
-from tippedisk_verify.dialogue import Program
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
+from tippedisk_verify.support.dialogue import Program
+from tippedisk_verify.support.files import printable
 
 __all__ = ["Interview"]
 

@@ -25,7 +25,6 @@ from typing import Any
 
 from tippedisk_verify.conformance.answer_number import is_missing
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import csv_text, printable, read_text
 from tippedisk_verify.reference_values.grading_rules import (
     QUESTION_COLUMNS,
     VALUES_COLUMNS,
@@ -39,6 +38,7 @@ from tippedisk_verify.reference_values.store import (
     is_optional,
     optional_ids_of_state,
 )
+from tippedisk_verify.support.files import csv_text, printable, read_text
 
 __all__ = [
     "Answers",

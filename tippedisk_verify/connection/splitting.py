@@ -44,7 +44,7 @@ from tippedisk_verify.model.precision import (
     precision_of_bits,
     wider_precision,
 )
-from tippedisk_verify.progress import report_share
+from tippedisk_verify.support.progress import report_share
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = [

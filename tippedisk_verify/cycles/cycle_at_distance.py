@@ -25,7 +25,7 @@ from tippedisk_verify.model.exact import exact, short_text
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.progress import subrange
+from tippedisk_verify.support.progress import subrange
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 
 __all__ = ["cycle_above_omega_h", "rotating_cycle_below_omega_h"]

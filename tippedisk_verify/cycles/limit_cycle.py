@@ -27,7 +27,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.model.result_format import saved_numbers, write_saved
 from tippedisk_verify.model.results import Printable, quantities, quantity
-from tippedisk_verify.progress import show_share
+from tippedisk_verify.support.progress import show_share
 
 if TYPE_CHECKING:
     from tippedisk_verify.cycles.monodromy import FloquetVectors, Monodromy

@@ -20,7 +20,7 @@ from tippedisk_verify.model.exact import exact, fraction
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.model.results import Printable, as_json, numbers_as_json
-from tippedisk_verify.progress import report_share
+from tippedisk_verify.support.progress import report_share
 
 __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]
 

@@ -10,7 +10,7 @@ from typing import Any
 from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import csv_text
+from tippedisk_verify.support.files import csv_text
 
 __all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "draw_exhibit"]
 

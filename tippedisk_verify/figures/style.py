@@ -7,7 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.files import write_bytes
+from tippedisk_verify.support.files import write_bytes
 
 __all__ = [
     "BLACK",

@@ -16,7 +16,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.cache import code_folder
+from tippedisk_verify.support.cache import code_folder
 
 __all__ = ["add_checksums", "use_checked_cache"]
 

@@ -34,7 +34,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import angle_from_inverted
-from tippedisk_verify.parallel import map_of
+from tippedisk_verify.support.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 
 __all__ = ["MAX_ABS_V", "OUTCOMES", "Basins", "basins", "integrate_outcomes"]

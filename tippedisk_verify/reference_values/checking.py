@@ -12,7 +12,6 @@ from pathlib import Path
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.results import Printable
-from tippedisk_verify.parallel import results_as_completed
 from tippedisk_verify.reference_values.entries import (
     MeasuredValues,
     Reading,
@@ -29,6 +28,7 @@ from tippedisk_verify.reference_values.manifest import (
 )
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, parse_values_csv
 from tippedisk_verify.reference_values.truths import cross_check_values
+from tippedisk_verify.support.parallel import results_as_completed
 
 __all__ = ["CheckReport", "StoredEntry", "check", "recompute_and_compare", "stored_entries"]
 

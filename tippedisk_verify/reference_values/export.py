@@ -9,12 +9,12 @@ from decimal import Decimal
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import checked_file_path, output_file, write_table, write_text
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.grading_rules import digits_needed, scale_of, values_csv_row
 from tippedisk_verify.reference_values.store import ReferenceValue
+from tippedisk_verify.support.files import checked_file_path, output_file, write_table, write_text
 
 __all__ = ["FORMATS", "export"]
 

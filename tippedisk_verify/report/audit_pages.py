@@ -13,7 +13,7 @@ from markupsafe import Markup, escape
 
 from tippedisk_verify.report.digits import split_at_agreement
 from tippedisk_verify.report.results_json import totals_sentence, verdict_words
-from tippedisk_verify.web import render
+from tippedisk_verify.support.web import render
 
 __all__ = ["html_page", "markdown_page"]
 

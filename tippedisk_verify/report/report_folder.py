@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from tippedisk_verify.files import write_bytes, write_csv, write_text
 from tippedisk_verify.report.audit_pages import html_page, markdown_page
 from tippedisk_verify.report.results_json import Findings
+from tippedisk_verify.support.files import write_bytes, write_csv, write_text
 
 __all__ = ["write_report"]
 

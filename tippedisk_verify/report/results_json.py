@@ -18,9 +18,9 @@ from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verd
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.model.results import as_json
-from tippedisk_verify.provenance import DRAWING, processor, versions
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.tasks import AuditJob
+from tippedisk_verify.support.provenance import DRAWING, processor, versions
 
 __all__ = [
     "claim_json",

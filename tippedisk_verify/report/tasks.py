@@ -14,9 +14,9 @@ from typing import Any, Literal
 
 from tippedisk_verify.audit.claim_catalogue import GROUPS, claims_drawn_in, group_of, select_claims
 from tippedisk_verify.audit.claims import Audit, examine_claim
-from tippedisk_verify.cache import Cache
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.provenance import DRAWING, fingerprint
+from tippedisk_verify.support.cache import Cache
+from tippedisk_verify.support.provenance import DRAWING, fingerprint
 
 __all__ = ["AuditJob", "Task", "run_task", "run_tasks", "task_key", "tasks_for"]
 

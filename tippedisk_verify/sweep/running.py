@@ -17,9 +17,9 @@ from itertools import islice
 from pathlib import Path
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.files import file_lock, write_table
-from tippedisk_verify.interrupts import clean_up_on_ctrl_c
-from tippedisk_verify.provenance import code_version
+from tippedisk_verify.support.files import file_lock, write_table
+from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
+from tippedisk_verify.support.provenance import code_version
 from tippedisk_verify.sweep.plan import SweepPlan, run_analysis
 
 __all__ = ["run_sweep"]

@@ -48,7 +48,7 @@ from tippedisk_verify.model.precision import (
     precision_of_bits,
     wider_precision,
 )
-from tippedisk_verify.progress import report_share, subrange
+from tippedisk_verify.support.progress import report_share, subrange
 
 __all__ = [
     "EXTRA_DIGITS",

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.cache import VARIABLE, Cache, code_folder, default_folder
+from tippedisk_verify.support.cache import VARIABLE, Cache, code_folder, default_folder
 
 KEY = "ab" * 32
 VALUE = {"value": "30.88659268864356722", "width": None, "nested": [1, 2.5, "Ω", True]}
@@ -61,7 +61,7 @@ def test_a_cache_that_cannot_be_used_is_no_error(tmp_path: Path) -> None:
 
 def test_runs_at_the_same_time_see_whole_files(tmp_path: Path) -> None:
     program = (
-        "import sys; from pathlib import Path; from tippedisk_verify.cache import Cache\n"
+        "import sys; from pathlib import Path; from tippedisk_verify.support.cache import Cache\n"
         "cache = Cache(Path(sys.argv[1]))\n"
         f"for n in range(15): cache.put('{KEY}', [sys.argv[2]] * 3000); v = cache.get('{KEY}'); "
         "assert v is not None and len(v) == 3000 and len(set(v)) == 1, v and len(v)"

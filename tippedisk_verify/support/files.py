@@ -20,7 +20,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
+from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
 
 __all__ = [
     "checked_file_path",

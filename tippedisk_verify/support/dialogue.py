@@ -18,8 +18,8 @@ from contextlib import contextmanager, suppress
 from typing import IO
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import printable
-from tippedisk_verify.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
+from tippedisk_verify.support.files import printable
+from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c, postpone_ctrl_c
 
 __all__ = ["Program", "start_program"]
 

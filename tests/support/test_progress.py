@@ -14,8 +14,8 @@ from threading import Thread
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify import progress
 from tippedisk_verify.cli import main
+from tippedisk_verify.support import progress
 
 _CALLS = {
     "basins": lambda wanted: tv.Disk("table1").basins("30.4", count=50, progress=wanted),
@@ -112,7 +112,7 @@ def test_a_notebook_that_is_run_to_a_file_stores_one_output_for_each_work() -> N
     pytest.importorskip("ipykernel")
     cell = """
         import threading, IPython.display
-        from tippedisk_verify import progress
+        from tippedisk_verify.support import progress
         update = IPython.display.DisplayHandle.update
         def counted(*data, **how):
             update(*data, **how)

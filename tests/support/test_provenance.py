@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
 import pytest
 
-from tippedisk_verify import provenance
-from tippedisk_verify.provenance import DRAWING, fingerprint
+from tippedisk_verify.support import provenance
+from tippedisk_verify.support.provenance import DRAWING, fingerprint
 
 # Dependencies that no number and no picture comes from.
 PRESENTATION = {"click", "rich", "jinja2"}
-PYPROJECT = Path(__file__).parent.parent / "pyproject.toml"
+PYPROJECT = Path(__file__).parents[2] / "pyproject.toml"
 
 
 @pytest.fixture
@@ -66,3 +68,22 @@ def test_every_dependency_is_classified() -> None:
     required = [*project["dependencies"], *project["optional-dependencies"]["certify"]]
     names = {text.split(">")[0].split("<")[0].split("=")[0].strip() for text in required}
     assert names == set(DRAWING) | PRESENTATION
+
+
+def test_a_code_version_holds_every_computing_module_in_memory() -> None:
+    """Check in a new process, as another test may have imported the modules."""
+    program = (
+        "import sys; from tippedisk_verify.support import provenance; provenance.code_version(); "
+        "print(*sys.modules)"
+    )
+    printed = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    ).stdout
+    root = PYPROJECT.parent
+    modules = {
+        ".".join(path.relative_to(root).with_suffix("").parts).removesuffix(".__init__")
+        for package in provenance._COMPUTING
+        for path in (root / "tippedisk_verify" / package).rglob("*.py")
+    }
+    assert len(modules) > 100
+    assert modules <= set(printed.split())

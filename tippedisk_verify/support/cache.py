@@ -22,8 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import read_bytes, write_bytes
-from tippedisk_verify.provenance import digest
+from tippedisk_verify.support.files import read_bytes, write_bytes
+from tippedisk_verify.support.provenance import digest
 
 __all__ = ["VARIABLE", "Cache", "code_folder", "default_folder"]
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from pkgutil import iter_modules
+from pkgutil import walk_packages
 
 __all__ = [
     "DRAWING",
@@ -22,7 +22,7 @@ __all__ = [
     "versions",
 ]
 
-_ROOT = Path(__file__).parent
+_ROOT = Path(__file__).parents[1]  # the folder of the whole package
 # The sub-packages that compute numbers.
 _COMPUTING = (
     "model",
@@ -81,7 +81,8 @@ def code_version() -> str:
     """
     code = _code()
     for package in _COMPUTING:
-        for module in iter_modules([str(_ROOT / package)], f"tippedisk_verify.{package}."):
+        folder = [str(_ROOT / package)]
+        for module in walk_packages(folder, f"tippedisk_verify.{package}."):
             with suppress(ImportError):  # a module that lacks its packages computes nothing
                 import_module(module.name)
     return ", ".join([code, *(f"{name} {number}" for name, number in versions(NUMERICAL).items())])

@@ -49,7 +49,7 @@ def test_an_interruption_is_one_line(
 
 def test_the_console_script_listens_as_early(tmp_path: Path) -> None:
     project = tomllib.loads(
-        (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
+        (Path(__file__).parents[2] / "pyproject.toml").read_text(encoding="utf-8")
     )["project"]
     module, _, function = project["scripts"]["tippedisk-verify"].partition(":")
     struck = Struck(
@@ -79,7 +79,7 @@ def test_a_terminal_gets_its_cursor_back(tmp_path: Path) -> None:
     """Interrupt once the live bar has hidden the cursor; its thread draws on until the end."""
     ours, theirs = os.openpty()
     at_once = (
-        "import runpy; from tippedisk_verify import progress; progress._DELAY = 0.0; "
+        "import runpy; from tippedisk_verify.support import progress; progress._DELAY = 0.0; "
         "runpy.run_module('tippedisk_verify', run_name='__main__')"
     )
     words = ["sweep", "hopf", "--over", "g=9.7:9.9:9999", "--executor", "serial", "--out"]

@@ -10,7 +10,13 @@ import pytest
 
 from tests.command_line import assert_refused, ran
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.files import file_lock, output_file, printable, write_bytes, write_text
+from tippedisk_verify.support.files import (
+    file_lock,
+    output_file,
+    printable,
+    write_bytes,
+    write_text,
+)
 
 
 def test_a_link_stays_and_its_target_is_replaced(tmp_path: Path) -> None:
