@@ -11,7 +11,9 @@ from tippedisk_verify.connection.bisection import bisect_omega_h as bisect_omega
 from tippedisk_verify.cycles.collocation.collocation_cycles import (
     collocation_cycle as collocation_cycle,
 )
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h as cycle_above_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import (
+    cycle_above_omega_h as cycle_above_omega_h,
+)
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic as heteroclinic
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle as shoot_limit_cycle
 from tippedisk_verify.disk import Disk as Disk

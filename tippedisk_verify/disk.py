@@ -509,7 +509,7 @@ class Disk(Parameters):
                     "above_het leads to the cycles next to Omega_h: choose with "
                     "stable at a speed omega"
                 )
-            from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
+            from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
 
             with show_share("limit cycle", progress):
                 return cycle_above_omega_h(self, above_het, self._engine(engine), digits=digits)
@@ -610,8 +610,10 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such cycle, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.cycle_at_distance import rotating_cycle_below_omega_h
         from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
+        from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import (
+            rotating_cycle_below_omega_h,
+        )
 
         require_one_speed(omega=omega, below_crit=below_crit, below_het=below_het)
         if below_het is None:

@@ -9,8 +9,8 @@ import pytest
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_by_integration
+from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import cycle_by_broyden
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
@@ -31,7 +31,7 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     omega_h = splitting_zero(parameters, guess, taylor, 20).omega_h.value
     omega = omega_h + (1 if section is LIBRATING else -1) * Fraction(distance)
     quick = cycle_by_passages(section, parameters, omega, taylor, 12)
-    flown = cycle_by_integration(section, parameters, omega, omega_h, taylor, digits=16)
+    flown = cycle_by_broyden(section, parameters, omega, omega_h, taylor, digits=16)
     assert flown.precision == "quadruple"
     assert quick is not None
     assert quick.precision == "extended"

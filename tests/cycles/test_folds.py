@@ -17,6 +17,7 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.branch import librating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_fold
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
+from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
 from tippedisk_verify.cycles.families import folds
 from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
@@ -91,14 +92,16 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
     known = cached_locator(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
-        unstable, stable = known.librating_guesses_at(fold.omega.value - Fraction(below)).cycles()
+        unstable, stable = cycles_from_guesses(
+            known.librating_guesses_at(fold.omega.value - Fraction(below))
+        )
         assert (unstable.stable, stable.stable) == (False, True)
         apart.append(float(stable.gamma_bar_0.value - unstable.gamma_bar_0.value))
     assert abs(apart[0] / apart[1] / 2 - 1) < 1e-6  # the next term is the square of the distance
     # The speed is that of the fold to twelve digits
     assert abs(apart[1] / apart[2] / 100 - 1) < 1e-3
     with pytest.raises(NoSuchCycleError, match="a fold"):
-        known.librating_guesses_at(fold.omega.value + Fraction(1, 10**8)).cycles()
+        cycles_from_guesses(known.librating_guesses_at(fold.omega.value + Fraction(1, 10**8)))
 
 
 @pytest.mark.slow(minutes=0.1)
@@ -110,7 +113,9 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
-    cycles = cached_locator(POSITIVE_SADDLE_VALUE, taylor).librating_guesses_at(halfway).cycles()
+    cycles = cycles_from_guesses(
+        cached_locator(POSITIVE_SADDLE_VALUE, taylor).librating_guesses_at(halfway)
+    )
     assert [cycle.stable for cycle in cycles] == [True, False]
 
 
@@ -322,11 +327,13 @@ def test_where_the_family_ends_and_how_many_cycles_a_speed_has(taylor, disk) -> 
     ends = sorted({end for _, end in family.ends})
     for low, high in pairwise(ends):
         speed = (low + high) / 2
-        cycles = cached_locator(disk, taylor).librating_guesses_at(Fraction(speed)).cycles()
+        cycles = cycles_from_guesses(
+            cached_locator(disk, taylor).librating_guesses_at(Fraction(speed))
+        )
         assert len(cycles) == len(list(family.guesses(speed)))
     for beyond, side in ((ends[0] - 0.3, "below"), (ends[-1] + 0.3, "above")):
         with pytest.raises(NoSuchCycleError, match=f"0.3 rad/s {side} the family"):
-            cached_locator(disk, taylor).librating_guesses_at(Fraction(beyond)).cycles()
+            cycles_from_guesses(cached_locator(disk, taylor).librating_guesses_at(Fraction(beyond)))
     unstable, slow, _ = equilibrium(disk, str(family.limit), "noninverted").eigenvalues
     assert family.connected is not bool(slow.im.value)
     if not family.connected:

@@ -9,6 +9,7 @@ import numpy
 import pytest
 
 from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
+from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
@@ -45,10 +46,8 @@ def test_many_speeds_through_lanes_are_those_of_single_solutions(taylor, family)
     ]
     for index in (2, 3, 41, 80, 81, 100, len(cycles) - 1):
         omega, side = order[index]
-        (alone,) = (
-            cached_locator(PRINTED, taylor)
-            .rotating_guesses_at(Fraction(omega), stable=side)
-            .cycles()
+        (alone,) = cycles_from_guesses(
+            cached_locator(PRINTED, taylor).rotating_guesses_at(Fraction(omega), stable=side)
         )
         for name in number_names(ROTATING):
             one, other = getattr(cycles[index], name), getattr(alone, name)
@@ -81,7 +80,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
         ((fold.omega + float(family.omega_h)) / 2, True),
         (float(family.omega_h) + 0.5, False),
     ):
-        (cycle,) = known.rotating_guesses_at(Fraction(omega), stable=stable).cycles()
+        (cycle,) = cycles_from_guesses(known.rotating_guesses_at(Fraction(omega), stable=stable))
         (place,) = family.followed_guesses(omega, stable=stable)
         top = (float(cycle.beta_bar_top), float(cycle.v_top))
         # A place on a family is a start for shooting, with some digits; another cycle is off by

@@ -22,7 +22,7 @@ from tippedisk_verify.cycles.collocation.collocation_cycles import (
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import fixed_point_by_integration
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import fixed_point_by_broyden
 from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, SECTION_RETURN, VARIATIONS
 from tippedisk_verify.cycles.shooting.shoot import LimitCycle, shoot_limit_cycle
@@ -405,7 +405,7 @@ def by_passages(draw: Draw) -> Question:
     def truth(found: Any) -> Any:
         section, above = (LIBRATING, distance) if librates else (ROTATING, -distance)
         omega = found.omega.value
-        near = fixed_point_by_integration(
+        near = fixed_point_by_broyden(
             section, disk, omega, omega - above, default_engine(), digits=32
         )
         numbers = numbers_in_precision(near, near.return_map.precision)

@@ -19,7 +19,11 @@ from typing import Any, TypeVar
 import numpy
 
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.cycle_at_speed import librating_cycles_at
+from tippedisk_verify.cycles.cycle_at_speed import (
+    cycle_from_guess,
+    cycles_from_guesses,
+    librating_cycles_at,
+)
 from tippedisk_verify.cycles.families.family import Family, batch_solver
 from tippedisk_verify.cycles.families.folds import libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
@@ -27,8 +31,8 @@ from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, MissingCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import CycleLocator, cached_locator
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import Engine
@@ -544,10 +548,10 @@ def _piece(
     for n in range(count):
         place = (2 * n - count + 1) / (count - 1)
         omega = first + (0.5 + 0.5 * place * (1.5 - 0.5 * place * place)) * (last - first)
-        location = locator.librating_guesses_at(Fraction(omega))
-        for start in location.guesses:
-            if start.piece == piece:
-                yield location.cycle(start, half_widths=half_widths)
+        at_speed = locator.librating_guesses_at(Fraction(omega))
+        for guess in at_speed.guesses:
+            if guess.piece == piece:
+                yield cycle_from_guess(at_speed, guess, half_widths=half_widths)
 
 
 # ----------------------------------------------------------------------------------------- rotating
@@ -581,7 +585,9 @@ def rotating_branch(
     return _cycles_at_speeds(
         locator,
         ROTATING,
-        lambda speed: locator.rotating_guesses_at(speed).cycles(half_widths=half_widths),
+        lambda speed: cycles_from_guesses(
+            locator.rotating_guesses_at(speed), half_widths=half_widths
+        ),
         checked_speeds(omegas),
     )
 
@@ -599,10 +605,10 @@ def _rotating_overview(locator: CycleLocator, half_widths: bool) -> Iterator[Rot
         omega_crit(locator.parameters, 20).value + Fraction(1, 2) - fold,
     )
     for n in range(half, 0, -1):
-        yield from locator.rotating_guesses_at(
-            fold + below * Fraction(n * n, half * half + 1), stable=True
-        ).cycles(half_widths=half_widths)
+        speed = fold + below * Fraction(n * n, half * half + 1)
+        at_speed = locator.rotating_guesses_at(speed, stable=True)
+        yield from cycles_from_guesses(at_speed, half_widths=half_widths)
     for n in range(1, half + 1):
-        yield from locator.rotating_guesses_at(
-            fold + beyond * Fraction(n * n, half * half), stable=False
-        ).cycles(half_widths=half_widths)
+        speed = fold + beyond * Fraction(n * n, half * half)
+        at_speed = locator.rotating_guesses_at(speed, stable=False)
+        yield from cycles_from_guesses(at_speed, half_widths=half_widths)

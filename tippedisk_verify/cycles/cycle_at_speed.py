@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from contextlib import suppress
 from fractions import Fraction
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
+from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.shooting.error_budget import cycle_to_digits
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
@@ -28,9 +28,18 @@ from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.theory.hopf import distance_below_crit
 
 if TYPE_CHECKING:
-    from tippedisk_verify.cycles.locator import CycleLocator
+    from tippedisk_verify.cycles.families.family import CycleGuess
+    from tippedisk_verify.cycles.locator import CycleLocator, GuessesAtSpeed
 
-__all__ = ["librating_cycle_at", "librating_cycles_at", "rotating_cycle_at"]
+__all__ = [
+    "cycle_from_guess",
+    "cycles_from_guesses",
+    "librating_cycle_at",
+    "librating_cycles_at",
+    "rotating_cycle_at",
+]
+
+C = TypeVar("C", bound=Cycle)
 
 
 def _locator(parameters: Parameters, engine: Engine) -> CycleLocator:
@@ -87,10 +96,10 @@ def librating_cycle_at(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).librating_guesses_at(speed)
-    if cycle and stable is None and not location.guesses:
+    at_speed = _locator(parameters, engine).librating_guesses_at(speed)
+    if cycle and stable is None and not at_speed.guesses:
         return cycle
-    cycles = location.cycles(digits, half_widths=half_widths)
+    cycles = cycles_from_guesses(at_speed, digits, half_widths=half_widths)
     wanted = [cycle for cycle in cycles if cycle.stable is (stable is not False)]
     if not wanted and stable is not None:
         kind, other = ("stable", "unstable") if stable else ("unstable", "stable")
@@ -119,9 +128,9 @@ def librating_cycles_at(
         NoSuchCycleError: If the search fails.
         AccuracyError: If the digits are not reached.
     """
-    location = _locator(parameters, engine).librating_guesses_at(omega)
-    if location.guesses:
-        return location.cycles(half_widths=half_widths)
+    at_speed = _locator(parameters, engine).librating_guesses_at(omega)
+    if at_speed.guesses:
+        return cycles_from_guesses(at_speed, half_widths=half_widths)
     return [librating_cycle_at(parameters, omega, engine, half_widths=half_widths)]
 
 
@@ -164,6 +173,61 @@ def rotating_cycle_at(
             cycle = cycle_to_digits(fixed_point, digits, half_widths=half_widths)
             if cycle.stable:
                 return cycle
-    location = _locator(parameters, engine).rotating_guesses_at(speed, stable=stable)
-    (cycle,) = location.cycles(digits, half_widths=half_widths)
+    at_speed = _locator(parameters, engine).rotating_guesses_at(speed, stable=stable)
+    (cycle,) = cycles_from_guesses(at_speed, digits, half_widths=half_widths)
     return cycle
+
+
+def cycles_from_guesses(
+    at_speed: GuessesAtSpeed[C], digits: int = 12, *, half_widths: bool = True
+) -> list[C]:
+    """Compute all limit cycles at a speed, to ``digits`` digits.
+
+    Args:
+        at_speed: The guesses at the speed.
+        digits: The significant digits wanted.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        NoSuchCycleError: If there is no cycle, or a search fails.
+        AccuracyError: If doubles cannot separate two cycles at a fold, or the digits are not
+            reached.
+    """
+    if not at_speed.guesses:
+        raise NoSuchCycleError(at_speed.no_cycle_reason)
+    return [
+        cycle_from_guess(at_speed, guess, digits, half_widths=half_widths)
+        for guess in at_speed.guesses
+    ]
+
+
+def cycle_from_guess(
+    at_speed: GuessesAtSpeed[C], guess: CycleGuess, digits: int = 12, *, half_widths: bool = True
+) -> C:
+    """Compute the limit cycle to which one of the guesses at a speed leads, to ``digits`` digits.
+
+    Args:
+        at_speed: The guesses at the speed.
+        guess: One of them.
+        digits: The significant digits wanted.
+        half_widths: If False, the numbers have no half-widths.
+
+    Raises:
+        NoSuchCycleError: If the search fails.
+        AccuracyError: If doubles cannot separate the cycle from its neighbour at a fold, or the
+            digits are not reached.
+    """
+    if guess.has_coordinates:
+        return at_speed.shoot(guess, digits, half_widths=half_widths)
+    # Loaded only here: few speeds are as close to Omega_h.
+    from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import cycle_by_broyden
+    from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
+
+    section, parameters, omega = at_speed.section, at_speed.parameters, at_speed.omega
+    assert at_speed.omega_h is not None
+    cycle = cycle_by_passages(section, parameters, omega, at_speed.engine, digits)
+    if cycle is not None:
+        return cycle
+    return cycle_by_broyden(
+        section, parameters, omega, at_speed.omega_h, at_speed.engine, digits=digits
+    )

@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
-from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import PeriodLaw, period_law
+from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
+from tippedisk_verify.cycles.near_omega_h.period_law import PeriodLaw, period_law
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed

@@ -16,18 +16,11 @@ from functools import cached_property
 from typing import Generic, TypeVar
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify.connection.omega_h_digits import omega_h_resolving
 from tippedisk_verify.cycles.families.family import CycleGuess
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
-    MIN_SHOOTING_DISTANCE,
-    cycle_by_integration,
-)
-from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
-    cycle_by_passages,
-    omega_h_resolving,
-)
 from tippedisk_verify.cycles.shooting.error_budget import (
     EXTRA_DIGITS,
     cycle_beyond_double,
@@ -36,7 +29,7 @@ from tippedisk_verify.cycles.shooting.error_budget import (
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.cycles.shooting.shoot import NEAR_HOPF_DISTANCE, shoot
+from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE, NEAR_HOPF_DISTANCE, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -76,24 +69,8 @@ class GuessesAtSpeed(Generic[C]):
     #: [rad/s], to digits that show the side, if a guess has no coordinates
     omega_h: Fraction | None = None
 
-    def cycles(self, digits: int = 12, *, half_widths: bool = True) -> list[C]:
-        """Compute all limit cycles at this speed, to ``digits`` digits.
-
-        Args:
-            digits: The significant digits wanted.
-            half_widths: If False, the numbers have no half-widths.
-
-        Raises:
-            NoSuchCycleError: If there is no cycle, or a search fails.
-            AccuracyError: If doubles cannot separate two cycles at a fold, or the digits are not
-                reached.
-        """
-        if not self.guesses:
-            raise NoSuchCycleError(self.no_cycle_reason)
-        return [self.cycle(guess, digits, half_widths=half_widths) for guess in self.guesses]
-
-    def cycle(self, guess: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
-        """Compute the limit cycle to which one of the guesses leads, to ``digits`` digits.
+    def shoot(self, guess: CycleGuess, digits: int = 12, *, half_widths: bool = True) -> C:
+        """Compute the limit cycle to which a guess with coordinates leads, to ``digits`` digits.
 
         Args:
             guess: One of the guesses.
@@ -105,16 +82,6 @@ class GuessesAtSpeed(Generic[C]):
             AccuracyError: If doubles cannot separate the cycle from its neighbour at a fold, or the
                 digits are not reached.
         """
-        if not guess.has_coordinates:
-            passing = cycle_by_passages(
-                self.section, self.parameters, self.omega, self.engine, digits
-            )
-            if passing is not None:
-                return passing
-            assert self.omega_h is not None
-            return cycle_by_integration(
-                self.section, self.parameters, self.omega, self.omega_h, self.engine, digits=digits
-            )
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
             if guess.leading_zeros:

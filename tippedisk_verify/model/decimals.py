@@ -86,6 +86,15 @@ def decimal_magnitude(value: Fraction) -> int:
     return _ONE_DIGIT_DOWN.divide(Decimal(value.numerator), Decimal(value.denominator)).adjusted()
 
 
+def decimal_logarithm(value: Fraction) -> float:
+    """Return log10 of a positive number, which may be outside the range of doubles.
+
+    Args:
+        value: The number.
+    """
+    return math.log10(value.numerator) - math.log10(value.denominator)
+
+
 def exact_decimals(value: Fraction) -> tuple[str, str]:
     """Return a number as a decimal, and the half-width of its rounding.
 

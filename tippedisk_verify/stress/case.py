@@ -6,12 +6,12 @@ import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
+from tippedisk_verify.model.decimals import decimal_logarithm
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.precision import Precision, precision_of_bits
 
@@ -128,13 +128,7 @@ def double_digits_between(value: Any, truth: Any, scale: Any = None) -> float:
         return _MAX_DIGITS
     if not size:
         return 0.0
-    return max(0.0, min(_MAX_DIGITS, -_log10(away / size)))
-
-
-def _log10(ratio: Fraction) -> float:
-    """Return log10 of a positive ratio, which may be outside the range of doubles."""
-    top, bottom = ratio.numerator, ratio.denominator
-    return (math.log2(top) - math.log2(bottom)) / math.log2(10)
+    return max(0.0, min(_MAX_DIGITS, -decimal_logarithm(away / size)))
 
 
 def compare_flight(

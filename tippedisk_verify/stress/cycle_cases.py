@@ -7,8 +7,8 @@ from fractions import Fraction
 from functools import partial
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import cycle_by_integration
+from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import cycle_by_broyden
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
@@ -68,7 +68,7 @@ def _one_ulp_above() -> CaseOutcome:
     speed = Fraction(float(omega_h))
     if speed <= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), math.inf))
-    mine = cycle_by_integration(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
+    mine = cycle_by_broyden(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
     sharp = cycle_above_omega_h(PRINTED, speed - omega_h.value, engine, digits=14)
     return cycle_digits(mine, sharp, ("period",))
 

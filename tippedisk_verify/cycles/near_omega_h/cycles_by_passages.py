@@ -1,23 +1,21 @@
-"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths; and the period law.
+"""Limit cycles next to Omega_h by passages, in milliseconds, with half-widths.
 
 `saddle_passages` has the maps. This module chooses their sections, series and flights, and the
 number of speeds that they are interpolated from (`_SETTINGS`). Half-widths follow from the
 differences to coarser settings, which round some four times as much. If the digits are not reached,
-or the maps do not exist, `cycles_by_integration` follows the flow itself.
+or the maps do not exist, `cycles_by_broyden` follows the flow itself.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from fractions import Fraction
 from functools import lru_cache, partial
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import numpy
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
+from tippedisk_verify.connection.omega_h_digits import DISTANCE_DIGITS, omega_h_resolving
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
     GlobalMap,
@@ -30,10 +28,9 @@ from tippedisk_verify.cycles.near_omega_h.saddle_passages import (
 from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
-from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
+from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
@@ -42,11 +39,11 @@ from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = [
-    "PeriodLaw",
     "cycle_by_passages",
-    "omega_h_resolving",
-    "period_law",
-    "rounded_up_digits",
+    "global_maps",
+    "monodromy_by_passages",
+    "passages_exist",
+    "with_half_widths",
 ]
 
 C = TypeVar("C", bound=Cycle)
@@ -90,11 +87,6 @@ _ORIGIN_GRID = 2**72
 _CACHED_DISKS = 64  # disks in the cache
 _MAX_DIGITS = 15  # digits that 64 bits give with some certainty
 _PI_BITS = 96  # bits of pi beyond those of the half-width
-# The digits of Omega_h for the first attempt, and the steps by which they grow.
-_FIRST_DIGITS, _MORE_DIGITS = 27, 10
-_GUARD_DIGITS = 4
-# The digits of the distance from Omega_h with which no number shows the distance's uncertainty.
-_DISTANCE_DIGITS = 18
 
 
 @ignore_numpy_errors()
@@ -131,21 +123,20 @@ def cycle_by_passages(
             parameters, speed_or_distance, engine, from_omega_h=from_omega_h
         )
         distance = speed_or_distance if from_omega_h else speed_or_distance - omega_h.value
-        if (distance > 0) != (section is LIBRATING) or not _passages_exist(
+        if (distance > 0) != (section is LIBRATING) or not passages_exist(
             parameters, engine, omega_h.value
         ):
             return None
-        origin = Fraction(round(omega_h.value * _ORIGIN_GRID), _ORIGIN_GRID)
         first, *others = (
             _numbers(section, global_map, distance)
-            for global_map in _global_maps(parameters, origin, engine)
+            for global_map in global_maps(parameters, omega_h.value, engine)
         )
     except (AccuracyError, NoConnectionError, ArithmeticError, StopIteration):
         return None
     numbers, sizes = first
     if not all(numpy.isfinite(number) for row, _ in (first, *others) for number in row.values()):
         return None
-    measured = _with_half_widths(
+    measured = with_half_widths(
         numbers, [row for row, _ in others], omega_h.uncertainty / abs(distance)
     )
     if section is LIBRATING:
@@ -160,7 +151,7 @@ def cycle_by_passages(
         parameters=parameters,
         engine=engine.name,
         precision=EXTENDED.name,
-        _start_matrix=partial(monodromy_by_passages, parameters, origin, distance)
+        _start_matrix=partial(monodromy_by_passages, parameters, omega_h.value, distance)
         if section is LIBRATING
         else None,
     )
@@ -177,59 +168,7 @@ def cycle_by_passages(
     )
 
 
-def omega_h_resolving(
-    parameters: Parameters,
-    speed_or_distance: Fraction,
-    engine: Engine,
-    *,
-    from_omega_h: bool = False,
-) -> Measured:
-    """Compute Omega_h [rad/s] to the digits that a cycle at a given speed or distance needs.
-
-    Args:
-        parameters: The disk and its friction law.
-        speed_or_distance: The cycle's speed, or its distance from Omega_h [rad/s].
-        engine: The engine of the flights.
-        from_omega_h: True if it is a distance.
-
-    Raises:
-        AccuracyError: If that takes more than `MAX_DIGITS` digits.
-        NoConnectionError: If there is no connection.
-    """
-    guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    wanted = _digits_for(speed_or_distance) if from_omega_h else _FIRST_DIGITS
-    while True:
-        omega_h = splitting_zero(parameters, guess, engine, wanted).omega_h
-        distance = speed_or_distance if from_omega_h else speed_or_distance - omega_h.value
-        if omega_h.uncertainty * 10**_DISTANCE_DIGITS < abs(distance):
-            return omega_h
-        # A speed may be Omega_h itself to many digits.
-        resolved = abs(distance) > omega_h.uncertainty
-        wanted = max(wanted + _MORE_DIGITS, _digits_for(distance)) if resolved else 2 * wanted
-        if wanted > MAX_DIGITS:
-            raise AccuracyError(
-                "the distance from Omega_h needs more digits than Omega_h is offered to"
-            )
-
-
-def _digits_for(distance: Fraction) -> int:
-    """Return the number of digits to which Omega_h must be computed for a cycle at a distance from
-    it [rad/s].
-
-    It is rounded up to a grid, so that most distances share Omega_h. The request omits
-    `_GUARD_DIGITS`, because guard digits mostly make Omega_h better by as many.
-    """
-    return rounded_up_digits(_DISTANCE_DIGITS - _GUARD_DIGITS - decimal_magnitude(distance))
-
-
-def rounded_up_digits(wanted: int) -> int:
-    """Round a number of digits of Omega_h up to a coarse grid, so that many distances share one
-    computation.
-    """
-    return _FIRST_DIGITS + _MORE_DIGITS * max(0, math.ceil((wanted - _FIRST_DIGITS) / _MORE_DIGITS))
-
-
-def _with_half_widths(
+def with_half_widths(
     numbers: dict[str, Any], others: list[dict[str, Any]], relative_uncertainty: Fraction
 ) -> dict[str, Measured]:
     """Convert the numbers of a cycle to `Measured`, by name.
@@ -252,79 +191,7 @@ def _with_half_widths(
     return measured
 
 
-class PeriodLaw(NamedTuple):
-    """The asymptotic law of the librating cycles' period at a distance D above Omega_h.
-
-    It is T = slope log(D) + constant + coefficient D^exponent + ...
-    """
-
-    slope: Measured  #: -2 / lambda_u [s]
-    constant: Measured  #: [s], with D in rad/s
-    coefficient: Measured  #: [s], with D in rad/s
-    #: -lambda_s / lambda_u - 1; the powers that are left out begin with its double
-    exponent: Measured
-
-    def at(self, distance: Fraction) -> tuple[Measured, Measured, Measured]:
-        """Return the period T [s] that the law gives at a distance from Omega_h: by one, two and
-        three of its terms.
-
-        Args:
-            distance: The distance above Omega_h [rad/s].
-        """
-        size = Measured(distance, Fraction(0))
-        first = self.slope * size.log()
-        return (
-            first,
-            first + self.constant,
-            first + self.constant + self.coefficient * size**self.exponent,
-        )
-
-
-@ignore_numpy_errors()
-def period_law(parameters: Parameters, engine: Engine) -> PeriodLaw:
-    """Return the asymptotic law of the librating cycles' period above Omega_h, from the maps
-    between the saddles.
-
-    The maps give sigma = -s (u / u_1)^nu, with u and s where the unstable manifold arrives. With u
-    = a D + b sigma the third term is the first power of sigma in -log(u).
-
-    Args:
-        parameters: The disk and its friction law.
-        engine: The engine of the flights.
-
-    Raises:
-        NoSuchCycleError: If the saddle value is not negative, or the machine has no numbers of 64
-            bits.
-        NoConnectionError: If there is no connection.
-        AccuracyError: If the flights fail.
-    """
-    guess = bisect_omega_h(parameters, engine, confirm=False).omega_h.value
-    omega_h = splitting_zero(parameters, guess, engine, _FIRST_DIGITS).omega_h.value
-    if not _passages_exist(parameters, engine, omega_h):
-        raise NoSuchCycleError(
-            "the law of the period with its corrections needs a negative saddle value and 64 bits"
-        )
-    rows = []
-    for global_map in _global_maps(
-        parameters, Fraction(round(omega_h * _ORIGIN_GRID), _ORIGIN_GRID), engine
-    ):
-        unstable, slow, _ = global_map.arriving.chart_at(EXTENDED.number(0)).eigenvalues
-        (by_omega, by_sigma), s = global_map.leading_coefficients
-        nu, scale = -slow / unstable, global_map.u_1 / -by_omega
-        constant = 2 * (EXTENDED.number(global_map.duration) + numpy.log(scale) / unstable)
-        coefficient = 2 * by_sigma * s / (unstable * by_omega * scale**nu)
-        rows.append(
-            {
-                "slope": -2 / unstable,
-                "constant": constant,
-                "coefficient": coefficient,
-                "exponent": nu - 1,
-            }
-        )
-    return PeriodLaw(**_with_half_widths(rows[0], rows[1:], Fraction(0)))
-
-
-def _passages_exist(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
+def passages_exist(parameters: Parameters, engine: Engine, omega_h: Fraction) -> bool:
     """Return True if cycles next to Omega_h can be computed from linear passages of the saddles.
 
     The machine and the engine must compute in 64 bits, and the saddle value must be negative.
@@ -333,33 +200,47 @@ def _passages_exist(parameters: Parameters, engine: Engine, omega_h: Fraction) -
     return extended and saddle_value_sign(parameters, omega_h) < 0
 
 
+def global_maps(parameters: Parameters, omega_h: Fraction, engine: Engine) -> tuple[GlobalMap, ...]:
+    """Return the maps between the saddles by `_SETTINGS`, then those by `_COARSER_SETTINGS`.
+
+    They are cached. Values of Omega_h that agree to some twenty decimals share them.
+
+    Args:
+        parameters: The disk and its friction law.
+        omega_h: Omega_h [rad/s].
+        engine: The engine of the flights.
+    """
+    origin = Fraction(round(omega_h * _ORIGIN_GRID), _ORIGIN_GRID)
+    return _maps_made_at(parameters, origin, engine)
+
+
 @lru_cache(maxsize=_CACHED_DISKS)
-def _global_maps(
-    parameters: Parameters, omega_h: Fraction, engine: Engine
+def _maps_made_at(
+    parameters: Parameters, origin: Fraction, engine: Engine
 ) -> tuple[GlobalMap, ...]:
     return tuple(
-        GlobalMap(parameters, omega_h, engine, settings)
+        GlobalMap(parameters, origin, engine, settings)
         for settings in (_SETTINGS, *_COARSER_SETTINGS)
     )
 
 
 @ignore_numpy_errors()
 def monodromy_by_passages(
-    parameters: Parameters, origin: Fraction, distance: Fraction
+    parameters: Parameters, omega_h: Fraction, distance: Fraction
 ) -> tuple[Any, Any]:
     """Return the monodromy matrix (3, 3) of a librating cycle at its section, and its half-widths.
 
     Args:
         parameters: The disk and its friction law.
-        origin: The speed at which the maps are made [rad/s].
+        omega_h: Omega_h [rad/s].
         distance: The distance of the speed from Omega_h [rad/s].
     """
     first, *others = (
         _period_matrix(global_map, distance)
-        for global_map in _global_maps(parameters, origin, default_engine())
+        for global_map in global_maps(parameters, omega_h, default_engine())
     )
     largest_difference = numpy.max([abs(first - other) for other in others], axis=0)
-    relative_uncertainty = _ULPS + _MAX_POWER / 10**_DISTANCE_DIGITS
+    relative_uncertainty = _ULPS + _MAX_POWER / 10**DISTANCE_DIGITS
     return first, (
         _DIFFERENCE_FACTOR * largest_difference + relative_uncertainty * abs(first)
     ).astype(float)

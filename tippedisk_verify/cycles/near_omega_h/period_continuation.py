@@ -28,6 +28,7 @@ from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_logarithm
 from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -48,7 +49,6 @@ __all__ = [
     "cycle_at_half_period",
     "cycles_of_rising_period",
     "limit_of_cycles",
-    "log10",
     "precision_near_omega_h",
     "predicted_state",
 ]
@@ -410,9 +410,7 @@ def precision_near_omega_h(
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
     )
     power = 1 + unstable / (unstable - slow)
-    needed = bits_for_digits(digits + 4 + math.ceil(power * max(0.0, -log10(abs(above)))))
+    needed = bits_for_digits(
+        digits + 4 + math.ceil(power * max(0.0, -decimal_logarithm(abs(above))))
+    )
     return QUADRUPLE if needed <= QUADRUPLE.bits else precision_of_bits(needed)
-
-
-def log10(value: Fraction) -> float:
-    return math.log10(value.numerator) - math.log10(value.denominator)

@@ -29,6 +29,7 @@ from tippedisk_verify.theory.one_harmonic_law import section_crossing
 
 __all__ = [
     "MAX_DISTANCE_FROM_LAW",
+    "MIN_SHOOTING_DISTANCE",
     "NEAR_HOPF_DISTANCE",
     "LimitCycle",
     "one_harmonic_guess",
@@ -42,6 +43,8 @@ C = TypeVar("C", bound=Cycle)
 #: rounding of half a period, some 1e-14, moves the amplitude by a percent in double. Closer, the
 #: law is nearer to the cycle than shooting.
 NEAR_HOPF_DISTANCE = Fraction(1, 10**12)
+#: A distance [rad/s] from Omega_h. Closer, shooting in double does not settle reliably.
+MIN_SHOOTING_DISTANCE = Fraction(1, 10**5)
 _MAX_STEPS = 25
 # The largest amplitude [rad] at which shooting starts from the law. Beyond it harmonic balance
 # takes fewer steps.

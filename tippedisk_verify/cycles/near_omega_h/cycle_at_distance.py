@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
+from tippedisk_verify.connection.omega_h_digits import rounded_up_digits
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.cycles.limit_cycle import Cycle, LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import CycleLocator, GuessesAtSpeed, cached_locator
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import (
-    MIN_SHOOTING_DISTANCE,
-    cycle_by_integration,
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import (
+    cycle_by_broyden,
     with_uncertainty_of_omega_h,
 )
-from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
-    cycle_by_passages,
-    rounded_up_digits,
-)
+from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.decimals import decimal_magnitude
@@ -104,29 +102,28 @@ def _next_to_omega_h(
     with subrange(0, _OMEGA_H_TIME_SHARE):
         omega_h = splitting_zero(parameters, locator.omega_h, engine, omega_h_digits).omega_h
     omega = omega_h.value + (distance if above else -distance)
-    at_speed: Any
     with subrange(_OMEGA_H_TIME_SHARE, 1):
-        if distance < MIN_SHOOTING_DISTANCE:  # flights lead there: no family is needed
-            at_speed = cycle_by_integration(
-                section, parameters, omega, omega_h.value, engine, digits=digits
-            )
-        else:
-            location: GuessesAtSpeed[Any] = (
+        cycle: Any = None
+        if distance >= MIN_SHOOTING_DISTANCE:
+            at_speed: GuessesAtSpeed[Any] = (
                 locator.librating_guesses_at(omega, omega_h.value)
                 if above
                 else locator.rotating_guesses_at(omega, stable=True, omega_h=omega_h.value)
             )
-            if not location.guesses:
-                raise NoSuchCycleError(location.no_cycle_reason)
-            at_speed = location.cycle(location.guesses[-1], digits)
-    cycle: C = with_uncertainty_of_omega_h(
-        at_speed, section, omega_h, distance, piece_length, engine
-    )
+            if not at_speed.guesses:
+                raise NoSuchCycleError(at_speed.no_cycle_reason)
+            if at_speed.guesses[-1].has_coordinates:
+                cycle = at_speed.shoot(at_speed.guesses[-1], digits)
+        if cycle is None:  # flights lead there: no family is needed
+            cycle = cycle_by_broyden(
+                section, parameters, omega, omega_h.value, engine, digits=digits
+            )
+    cycle = with_uncertainty_of_omega_h(cycle, section, omega_h, distance, piece_length, engine)
     if cycle.period.uncertainty > cycle.period.value / 10**digits:
         raise AccuracyError(
             f"T has fewer than {digits} digits this close to Omega_h: ask for {digits + 10}"
         )
-    return cycle
+    return cast("C", cycle)
 
 
 def _piece_length(section: Section[Any], locator: CycleLocator) -> Fraction:

@@ -7,9 +7,9 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.cycles.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
-from tippedisk_verify.cycles.near_omega_h.cycles_by_integration import with_uncertainty_of_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import with_uncertainty_of_omega_h
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting.section import LIBRATING

@@ -22,7 +22,6 @@ from typing import Any, TypeVar
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     PeriodContinuation,
-    log10,
     precision_near_omega_h,
     predicted_state,
 )
@@ -31,8 +30,10 @@ from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, nu
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
+from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
+from tippedisk_verify.model.decimals import decimal_logarithm
 from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
@@ -40,17 +41,13 @@ from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
 __all__ = [
-    "MIN_SHOOTING_DISTANCE",
-    "cycle_by_integration",
-    "fixed_point_by_integration",
+    "cycle_by_broyden",
+    "fixed_point_by_broyden",
     "with_uncertainty_of_omega_h",
 ]
 
 C = TypeVar("C", bound=Cycle)
 
-MIN_SHOOTING_DISTANCE = Fraction(
-    1, 10**5
-)  #: rad/s; closer, shooting in double does not settle reliably
 _STRONG_CONTRACTION = -1.0  # decimal logarithm of a contraction that needs no derivative
 _MAX_STEPS = 25
 _ROUNDING_STEP = 1e-6  # relative size of a step below which only rounding keeps it from shrinking
@@ -61,7 +58,7 @@ _SPEED_MOVE = Fraction(1, 1000)
 _CACHED_CYCLES = 64  # cycles in the cache; each takes some seconds
 
 
-def cycle_by_integration(
+def cycle_by_broyden(
     section: Section[C],
     parameters: Parameters,
     omega: Fraction,
@@ -101,16 +98,14 @@ def _cycle_in_arithmetic(
     engine: Engine,
     digits: int,
 ) -> Any:
-    fixed_point = fixed_point_by_integration(
-        section, parameters, omega, omega_h, engine, digits=digits
-    )
+    fixed_point = fixed_point_by_broyden(section, parameters, omega, omega_h, engine, digits=digits)
     precision = fixed_point.return_map.precision
     return cycle_in_precision(
         fixed_point, precision, precision_of_bits(precision.bits + _EXTRA_BITS)
     )
 
 
-def fixed_point_by_integration(
+def fixed_point_by_broyden(
     section: Section[C],
     parameters: Parameters,
     omega: Fraction,
@@ -119,11 +114,11 @@ def fixed_point_by_integration(
     *,
     digits: int,
 ) -> FixedPoint[C]:
-    """Solve for the cycle of `cycle_by_integration` in one arithmetic, without a measure of its
+    """Solve for the cycle of `cycle_by_broyden` in one arithmetic, without a measure of its
     error.
 
     Args:
-        section, parameters, omega, omega_h, engine: As for `cycle_by_integration`.
+        section, parameters, omega, omega_h, engine: As for `cycle_by_broyden`.
         digits: The significant digits that the arithmetic holds.
 
     Raises:
@@ -135,7 +130,7 @@ def fixed_point_by_integration(
     unstable, slow, _ = (
         float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
     )
-    if log10(distance) * (-slow / unstable - 1) < _STRONG_CONTRACTION:
+    if decimal_logarithm(distance) * (-slow / unstable - 1) < _STRONG_CONTRACTION:
         point = return_map.unstable_manifold_crossing()
         zero = 0 * point[0]
         matrix: Any = ((zero, zero), (zero, zero))
