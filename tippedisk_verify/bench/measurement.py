@@ -123,7 +123,7 @@ def run_race(
     """
     scores = []
     # Quadruple precision is enough to measure the errors of all settings except these.
-    sharp = any({"quadruple", "50 digits"} & set(method.settings) for method in methods)
+    accurate = any({"quadruple", "50 digits"} & set(method.settings) for method in methods)
     for problem in problems:
         entries = []
         for method in methods:
@@ -140,7 +140,7 @@ def run_race(
                     if entry.seconds[0] <= _BRIEF_RUN:
                         entry.prepared.run(problem.duration)  # fill the caches again
                     entry.seconds.append(_timed_run(entry.prepared, problem.duration)[0])
-        truth = compute_truth(problem, sharp)
+        truth = compute_truth(problem, accurate)
         for method in methods:
             mine = [entry for entry in entries if entry.method is method]
             settings = [entry.setting for entry in mine]

@@ -70,19 +70,19 @@ class Truth:
 
 
 @lru_cache(maxsize=16)
-def compute_truth(problem: Problem, sharp: bool = True) -> Truth:
+def compute_truth(problem: Problem, accurate: bool = True) -> Truth:
     """Compute the true states of a problem at its sample times, with half-widths.
 
     Args:
         problem: The problem.
-        sharp: True for about 55 digits, False for about 28.
+        accurate: True for about 55 digits, False for about 28.
 
     Raises:
         ArithmeticError: If an integration fails.
     """
     working = (
         (precision_of_bits(200), precision_of_bits(266))
-        if sharp
+        if accurate
         else (QUADRUPLE, precision_of_bits(140))
     )
     samples, numbers = [], []
@@ -94,8 +94,8 @@ def compute_truth(problem: Problem, sharp: bool = True) -> Truth:
             compared_numbers(problem, [states[stop] for stop in problem.stops], precision)
         )
     cells, compared = (
-        [Measured.compared(a, b, working[0].epsilon) for a, b in zip(rough, wider, strict=True)]
-        for rough, wider in (samples, numbers)
+        [Measured.compared(a, b, working[0].epsilon) for a, b in zip(coarse, wider, strict=True)]
+        for coarse, wider in (samples, numbers)
     )
     held = cells if problem.error == "state" else compared
     return Truth(

@@ -292,11 +292,11 @@ class SplittingZero:
         It is a central difference. Its half-width comes from the change under another step and
         another distance from the saddles.
         """
-        sharper, slope = (
+        accurate, slope = (
             function.slope(function.latest.omega)
             for function in (self.wider_function, self.splitting_function)
         )
-        return Measured.compared(sharper, slope, self.splitting_function.precision.epsilon)
+        return Measured.compared(accurate, slope, self.splitting_function.precision.epsilon)
 
     def omega_h_derivatives(self) -> dict[str, Measured]:
         """Return the derivatives of Omega_h with respect to the disk's parameters [SI], by name.
@@ -307,14 +307,14 @@ class SplittingZero:
         Raises:
             AccuracyError: If a flight fails.
         """
-        sharper, rough = (
+        accurate, coarse = (
             {symbol: -function.parameter_slope(symbol, omega) / slope for symbol in SYMBOLS}
             for function in (self.wider_function, self.splitting_function)
             for omega in (function.latest.omega,)
             for slope in (function.slope(omega),)
         )
         epsilon = self.splitting_function.precision.epsilon
-        return {name: Measured.compared(sharper[name], rough[name], epsilon) for name in SYMBOLS}
+        return {name: Measured.compared(accurate[name], coarse[name], epsilon) for name in SYMBOLS}
 
 
 @lru_cache(maxsize=_CACHED_ZEROS)

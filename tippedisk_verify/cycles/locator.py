@@ -199,7 +199,7 @@ class CycleLocator:
         if self.family_failure:
             with suppress(NoConnectionError, AccuracyError):
                 if abs(omega - self.omega_h) < _LAW_DISTANCE:
-                    return self._next_to_omega_h(
+                    return self._with_true_side_of_omega_h(
                         guesses_at_speed, 0, above=self.connection_attracts
                     )
             return guesses_at_speed
@@ -213,7 +213,7 @@ class CycleLocator:
         )
         if family.connected and abs(omega - Fraction(family.limit)) < 2 * MIN_SHOOTING_DISTANCE:
             with suppress(NoConnectionError, AccuracyError):
-                return self._next_to_omega_h(
+                return self._with_true_side_of_omega_h(
                     guesses_at_speed, len(family.folds), above=self.connection_attracts
                 )
         return guesses_at_speed
@@ -251,12 +251,12 @@ class CycleLocator:
             ROTATING, self.parameters, self.engine, omega, tuple(guesses), no_cycle_reason, omega_h
         )
         return (
-            self._next_to_omega_h(guesses_at_speed, 0, above=False)
+            self._with_true_side_of_omega_h(guesses_at_speed, 0, above=False)
             if too_close
             else guesses_at_speed
         )
 
-    def _next_to_omega_h(
+    def _with_true_side_of_omega_h(
         self, guesses_at_speed: GuessesAtSpeed[C], piece: int, *, above: bool
     ) -> GuessesAtSpeed[C]:
         """Return the ``guesses_at_speed`` of the cycles at a speed so close to Omega_h that doubles

@@ -113,15 +113,15 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
     wider = wider_precision(precision)
     while wider.bits < 5 / 4 * precision.bits:  # so that its error is the smaller one
         wider = wider_precision(wider)
-    rough = _derivatives(cycle, section, scale, precision, _FOUR_FLIGHTS)
-    sharp = _derivatives(cycle, section, scale, wider, _TWO_FLIGHTS)
+    coarse = _derivatives(cycle, section, scale, precision, _FOUR_FLIGHTS)
+    accurate = _derivatives(cycle, section, scale, wider, _TWO_FLIGHTS)
     return Sensitivity(
         {
             name: {
-                symbol: Measured.compared(slope, sharp[name][symbol], precision.epsilon)
+                symbol: Measured.compared(slope, accurate[name][symbol], precision.epsilon)
                 for symbol, slope in row.items()
             }
-            for name, row in rough.items()
+            for name, row in coarse.items()
         },
         cycle.parameters,
     )

@@ -159,13 +159,13 @@ def evaluate_in_two_precisions(
         lower_bits: Bits of the lower precision; the higher one has 64 more.
         correct_bits: Bits of the values that may be taken as correct.
     """
-    rough, sharp = (
+    coarse, accurate = (
         evaluate(precision_of_bits(working).context)
         for working in (lower_bits, lower_bits + WIDER_BITS - BITS)
     )
     return {
-        name: Measured.compared(value, sharp[name], Fraction(2, 1 << correct_bits))
-        for name, value in rough.items()
+        name: Measured.compared(value, accurate[name], Fraction(2, 1 << correct_bits))
+        for name, value in coarse.items()
     }
 
 

@@ -147,38 +147,36 @@ def compare_flight(
     """
     engine = engine or default_engine()
     result = engine(replace(request, error_estimate=True))
-    sharper_result = engine(replace(request, precision=truth, tolerance=None))
+    reference = engine(replace(request, precision=truth, tolerance=None))
     assert result.error is not None
     if not math.isfinite(result.error.largest):
         return CaseOutcome("rounding decides", note=result.status.value)
-    if result.status is not sharper_result.status:
+    if result.status is not reference.status:
         return CaseOutcome(
-            result.status.name, honest=False, note=f"in more bits: {sharper_result.status.value}"
+            result.status.name, honest=False, note=f"in more bits: {reference.status.value}"
         )
     if not result.status.usable:
         return CaseOutcome(result.status.name, note=result.status.value)
-    return compare_results(result, sharper_result)
+    return compare_results(result, reference)
 
 
-def compare_results(result: Result, sharper_result: Result) -> CaseOutcome:
+def compare_results(result: Result, reference: Result) -> CaseOutcome:
     """Compare a result and its half-widths with the same run in higher precision, and return the
     outcome.
     """
     error = result.error
     assert error is not None
-    pairs = list(zip(result.state, sharper_result.state, error.state, strict=True))
+    pairs = list(zip(result.state, reference.state, error.state, strict=True))
     if result.samples is not None:
-        for rows in zip(result.samples, sharper_result.samples, error.samples, strict=True):
+        for rows in zip(result.samples, reference.samples, error.samples, strict=True):
             pairs += list(zip(*rows, strict=True))
-    scale = max(1.0, *(abs(float(part)) for part in sharper_result.state))
+    scale = max(1.0, *(abs(float(part)) for part in reference.state))
     times = (
-        [(result.time, sharper_result.time, error.time)]
-        if result.status is not Status.REACHED
-        else []
+        [(result.time, reference.time, error.time)] if result.status is not Status.REACHED else []
     )
     times += [
         (a.time, b.time, w)
-        for a, b, w in zip(result.events, sharper_result.events, error.events, strict=True)
+        for a, b, w in zip(result.events, reference.events, error.events, strict=True)
     ]
     honest = all(
         abs(fraction(a) - fraction(b)) <= fraction(float(width)) for a, b, width in pairs + times
@@ -194,19 +192,19 @@ def compare_results(result: Result, sharper_result: Result) -> CaseOutcome:
     )
 
 
-def cycle_digits(result: Any, sharper_result: Any, names: Sequence[str]) -> CaseOutcome:
+def cycle_digits(result: Any, reference: Any, names: Sequence[str]) -> CaseOutcome:
     """Compare the numbers of two results, and return the outcome: the digits in which they agree.
 
     It is honest if the intervals of each pair overlap.
 
     Args:
         result: The result to judge.
-        sharper_result: The same in higher precision.
+        reference: The same in higher precision.
         names: The attributes to compare.
     """
     digits, honest = _MAX_DIGITS, True
     for name in names:
-        a, b = getattr(result, name), getattr(sharper_result, name)
+        a, b = getattr(result, name), getattr(reference, name)
         honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty
         digits = min(digits, double_digits_between(a.value, b.value))
     return CaseOutcome("digits", digits, honest)

@@ -32,18 +32,18 @@ def _below_hopf(distance: str) -> Fraction:
 
 def _near_hopf(distance: str) -> CaseOutcome:
     speed = _below_hopf(distance)
-    mine, sharp = (
+    answer, reference = (
         shoot_limit_cycle(PRINTED, speed, default_engine(), digits=digits) for digits in (12, 40)
     )
-    return cycle_digits(mine, sharp, _MAIN_NUMBERS)
+    return cycle_digits(answer, reference, _MAIN_NUMBERS)
 
 
 def _near_omega_h(distance: str) -> CaseOutcome:
-    mine, sharp = (
+    answer, reference = (
         cycle_above_omega_h(PRINTED, exact(distance).rational, default_engine(), digits=digits)
         for digits in (12, 25)
     )
-    return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0"))
+    return cycle_digits(answer, reference, ("period", "gamma_bar_0", "v_0"))
 
 
 def _omega_h_by_two_methods() -> CaseOutcome:
@@ -68,9 +68,9 @@ def _one_ulp_above() -> CaseOutcome:
     speed = Fraction(float(omega_h))
     if speed <= omega_h.value:
         speed = Fraction(math.nextafter(float(speed), math.inf))
-    mine = cycle_by_broyden(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
-    sharp = cycle_above_omega_h(PRINTED, speed - omega_h.value, engine, digits=14)
-    return cycle_digits(mine, sharp, ("period",))
+    answer = cycle_by_broyden(LIBRATING, PRINTED, speed, omega_h.value, engine, digits=12)
+    reference = cycle_above_omega_h(PRINTED, speed - omega_h.value, engine, digits=14)
+    return cycle_digits(answer, reference, ("period",))
 
 
 def _one_ulp_below() -> CaseOutcome:
@@ -91,16 +91,16 @@ def _underflow() -> CaseOutcome:
     The fast multiplier (about 1e-5000) underflows, but its logarithm does not.
     """
     parameters = PRINTED.changed(epsilon="1e-3")
-    mine, sharp = (
+    answer, reference = (
         shoot_limit_cycle(parameters, _below_hopf("0.3"), default_engine(), digits=digits)
         for digits in (12, 30)
     )
-    answer = cycle_digits(mine, sharp, (*_MAIN_NUMBERS, *_EXPONENTS))
-    exponent = float(mine.log_multiplier_fast) / 2.302585092994046
+    outcome = cycle_digits(answer, reference, (*_MAIN_NUMBERS, *_EXPONENTS))
+    exponent = float(answer.log_multiplier_fast) / 2.302585092994046
     return CaseOutcome(
-        answer.outcome,
-        answer.digits,
-        answer.honest and exponent < -324,
+        outcome.outcome,
+        outcome.digits,
+        outcome.honest and exponent < -324,
         f"fast multiplier 1e{exponent:.0f}",
     )
 
@@ -116,10 +116,10 @@ def _subcritical() -> Parameters:
 def _beyond_the_fold() -> CaseOutcome:
     parameters = _subcritical()
     speed = Fraction(omega_crit(parameters, 30).decimals()[0]) - Fraction(1, 10)
-    mine, sharp = (
+    answer, reference = (
         shoot_limit_cycle(parameters, speed, default_engine(), digits=digits) for digits in (12, 30)
     )
-    return cycle_digits(mine, sharp, ("period", "gamma_bar_0", "v_0", "beta_max"))
+    return cycle_digits(answer, reference, ("period", "gamma_bar_0", "v_0", "beta_max"))
 
 
 def _no_cycle_above() -> CaseOutcome:
@@ -129,11 +129,13 @@ def _no_cycle_above() -> CaseOutcome:
 
 
 def _subcritical_connection() -> CaseOutcome:
-    mine, sharp = (
+    answer, reference = (
         heteroclinic(_subcritical(), default_engine(), digits=digits) for digits in (12, 30)
     )
-    answer = cycle_digits(mine, sharp, ("omega_h",))
-    return CaseOutcome(answer.outcome, answer.digits, answer.honest, f"Omega_h = {mine.omega_h}")
+    outcome = cycle_digits(answer, reference, ("omega_h",))
+    return CaseOutcome(
+        outcome.outcome, outcome.digits, outcome.honest, f"Omega_h = {answer.omega_h}"
+    )
 
 
 CASES: tuple[StressCase, ...] = (

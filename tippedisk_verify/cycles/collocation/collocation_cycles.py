@@ -326,14 +326,14 @@ def _at_two_resolutions(
         numbers: A function that computes the numbers from a collocation.
     """
     finer = kind.samples(count + max(0.3 * count, min(count, 12)))
-    rough = numbers(Collocation(parameters, kind, count, digits + _GUARD_DIGITS))
-    sharp = numbers(Collocation(parameters, kind, finer, digits + _GUARD_DIGITS + _FINER_DIGITS))
+    coarse = numbers(Collocation(parameters, kind, count, digits + _GUARD_DIGITS))
+    accurate = numbers(Collocation(parameters, kind, finer, digits + _GUARD_DIGITS + _FINER_DIGITS))
     least = (
-        abs(fraction(sharp["period"]) / fraction(rough["period"]) - 1)
+        abs(fraction(accurate["period"]) / fraction(coarse["period"]) - 1)
         if kind is CycleKind.LIBRATING
         else Fraction(0)
     )
-    return {name: Measured.compared(value, sharp[name], least) for name, value in rough.items()}
+    return {name: Measured.compared(value, accurate[name], least) for name, value in coarse.items()}
 
 
 def _solve_cycle(a: Collocation, start: Any, speed: Fraction) -> Any:

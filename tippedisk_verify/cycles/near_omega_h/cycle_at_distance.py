@@ -53,7 +53,7 @@ def cycle_above_omega_h(
         NoSuchCycleError: If the family does not reach as far, or the search fails.
         AccuracyError: If the digits are not reached.
     """
-    return _next_to_omega_h(LIBRATING, parameters, above, engine, digits)
+    return _cycle_near_omega_h(LIBRATING, parameters, above, engine, digits)
 
 
 def rotating_cycle_below_omega_h(
@@ -73,10 +73,10 @@ def rotating_cycle_below_omega_h(
         NoSuchCycleError: If the speed lies beyond the fold.
         AccuracyError: If the digits are not reached.
     """
-    return _next_to_omega_h(ROTATING, parameters, below, engine, digits)
+    return _cycle_near_omega_h(ROTATING, parameters, below, engine, digits)
 
 
-def _next_to_omega_h(
+def _cycle_near_omega_h(
     section: Section[C], parameters: Parameters, offset: object, engine: Engine, digits: int
 ) -> C:
     """Return the limit cycle at a distance from Omega_h, to ``digits`` significant digits.
