@@ -339,7 +339,7 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
-        from tippedisk_verify.cycles.branch import cycles_found
+        from tippedisk_verify.cycles.branch_cycles import cycles_found
         from tippedisk_verify.proofs.kernel.certificates.family import Piece
         from tippedisk_verify.proofs.search.family_intervals import prove_family
 

@@ -658,7 +658,7 @@ class Disk(Parameters):
             InputError: If a speed cannot be used.
             NoSuchCycleError: If no speed has a cycle.
         """
-        from tippedisk_verify.cycles.branch import (
+        from tippedisk_verify.cycles.branch_cycles import (
             DEFAULT_ROTATING_COUNT,
             require_some_cycle,
             rotating_branch,
@@ -722,10 +722,10 @@ class Disk(Parameters):
             InputError: If a speed cannot be used.
             NoSuchCycleError: If no speed has a cycle; the error is that of the first speed.
         """
-        from tippedisk_verify.cycles.branch import (
+        from tippedisk_verify.cycles.branch import Branch
+        from tippedisk_verify.cycles.branch_cycles import (
             DEFAULT_COUNT,
             PAPER_COUNT,
-            Branch,
             librating_branch,
             require_some_cycle,
         )

@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.branch import Branch, librating_branch, paper_speeds
+from tippedisk_verify.cycles.branch import Branch
+from tippedisk_verify.cycles.branch_cycles import librating_branch, paper_speeds
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.disk import Disk

@@ -14,7 +14,7 @@ import pytest
 
 from tests.command_line import answer, printed
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.branch import librating_branch
+from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_fold
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
 from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
@@ -253,7 +253,7 @@ def test_many_speeds_where_lanes_do_not_hold_them_all(taylor, monkeypatch) -> No
     """One case is next to Omega_h, which lies inside the family's speeds. The other is a disk whose
     saddles are foci.
     """
-    monkeypatch.setattr("tippedisk_verify.cycles.branch._MIN_BATCH_SIZE", 3)
+    monkeypatch.setattr("tippedisk_verify.cycles.branch_cycles._MIN_BATCH_SIZE", 3)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     close = float(known.limit) + 1e-4
     cycles = list(

@@ -6,7 +6,7 @@ from fractions import Fraction
 
 import numpy
 
-from tippedisk_verify.cycles.branch import librating_branch
+from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily

@@ -11,7 +11,7 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.cycles.branch import rotating_branch
+from tippedisk_verify.cycles.branch_cycles import rotating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold

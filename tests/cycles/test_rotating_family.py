@@ -8,7 +8,7 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.cycles.branch import cycles_found, rotating_branch
+from tippedisk_verify.cycles.branch_cycles import cycles_found, rotating_branch
 from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import cached_locator
@@ -74,7 +74,7 @@ def test_the_family_is_found_from_omega_h_on(taylor, changes) -> None:
     family = known.rotating_family
     fold = family.fold_guess()
     assert fold.omega < family.omega_h
-    family.reach(float(family.omega_h) + 1)
+    family.follow_to(float(family.omega_h) + 1)
     assert family.omega_falls == [True, False]
     for omega, stable in (
         ((fold.omega + float(family.omega_h)) / 2, True),

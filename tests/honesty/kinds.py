@@ -22,10 +22,11 @@ from tippedisk_verify.cycles.collocation.collocation_cycles import (
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
+from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import fixed_point_by_broyden
 from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, SECTION_RETURN, VARIATIONS
-from tippedisk_verify.cycles.shooting.shoot import LimitCycle, shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_batch_engine, default_engine

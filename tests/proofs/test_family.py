@@ -17,7 +17,7 @@ import pytest
 from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
-from tippedisk_verify.cycles.branch import librating_branch
+from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.measured import Measured

@@ -17,10 +17,10 @@ from typing import Any, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.connection.heteroclinic import Heteroclinic
-from tippedisk_verify.cycles.branch import cycles_found, librating_branch
+from tippedisk_verify.cycles.branch_cycles import cycles_found, librating_branch
+from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
-from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.exact import short_text
@@ -254,7 +254,7 @@ class Audit(Printable):
         )
 
     def family(self, name: str) -> tuple[LimitCycle, ...]:
-        """Return the limit cycles of a set that `cycles.branch.librating_branch` finds at its
+        """Return the limit cycles of a set that `cycles.branch_cycles.librating_branch` finds at its
         default speeds.
 
         Args:

@@ -8,8 +8,8 @@ from functools import lru_cache
 
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
+from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
-from tippedisk_verify.cycles.shooting.shoot import LimitCycle
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.friction import Friction

@@ -84,11 +84,13 @@ class GuessesAtSpeed(Generic[C]):
         """
         return_map = ReturnMap(self.section, self.parameters, self.omega, self.engine)
         try:
-            if guess.leading_zeros:
+            if guess.hopf_distance_zeros:
                 newborn = FixedPoint(
                     return_map, guess.coordinates, return_map(guess.coordinates), ()
                 )
-                cycle = cycle_beyond_double(newborn, digits, EXTRA_DIGITS + guess.leading_zeros)
+                cycle = cycle_beyond_double(
+                    newborn, digits, EXTRA_DIGITS + guess.hopf_distance_zeros
+                )
             else:
                 cycle = cycle_to_digits(
                     shoot(return_map, guess.coordinates), digits, half_widths=half_widths
@@ -299,8 +301,8 @@ def _near_hopf_guesses(family: LibratingFamily, below_crit: Fraction) -> list[Cy
 
     Raises AccuracyError if the speed is closer to the Hopf point than cycles are offered.
     """
-    away = Fraction(family.omega_crit - float(family.nodes[0, 3]))
-    if not 0 < below_crit / away < _AMPLITUDE_LAW_REACH:
+    first_node_distance = Fraction(family.omega_crit - float(family.nodes[0, 3]))
+    if not 0 < below_crit / first_node_distance < _AMPLITUDE_LAW_REACH:
         return []
     distance = abs(below_crit)
     zeros = max(0, -decimal_magnitude(distance))
@@ -312,7 +314,7 @@ def _near_hopf_guesses(family: LibratingFamily, below_crit: Fraction) -> list[Cy
     return [
         replace(
             family.near_hopf_guess(float(distance)),
-            leading_zeros=zeros if distance < NEAR_HOPF_DISTANCE else 0,
+            hopf_distance_zeros=zeros if distance < NEAR_HOPF_DISTANCE else 0,
         )
     ]
 

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.cycles.branch import cycles_found, librating_branch, rotating_branch
+from tippedisk_verify.cycles.branch_cycles import cycles_found, librating_branch, rotating_branch
 from tippedisk_verify.cycles.families.folds import fold_in_double
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, RotatingCycle
 from tippedisk_verify.cycles.locator import cached_locator

@@ -78,7 +78,7 @@ class CycleGuess:
     omega_falls: bool  #: True if Omega falls along that piece, with a rising first coordinate
     flight_time: float = math.nan  #: flight time of the section's map [s]
     #: zeros after the point of the distance from the Hopf point, if it is too small for doubles
-    leading_zeros: int = 0
+    hopf_distance_zeros: int = 0
 
     @classmethod
     def without_coordinates(cls, omega: Fraction, piece: int = 0) -> CycleGuess:
@@ -123,7 +123,7 @@ class Family:
     #: vanish there. Linear estimates hold within half the distance from it.
     origin: ClassVar[float] = -math.inf
     #: Pairs of speeds [rad/s] between which the family has a cycle beyond its last node.
-    gaps: tuple[tuple[float, float], ...]
+    unfollowed_speeds: tuple[tuple[float, float], ...]
 
     def __init__(
         self,

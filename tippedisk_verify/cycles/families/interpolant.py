@@ -142,7 +142,7 @@ class FamilyInterpolant:
             cycle = next(measured) if is_held else None
             by_speed[at].append(cycle if cycle and cycle.stable is bool(falls) else None)
         lost = numpy.zeros(len(speeds), dtype=bool)
-        for gap in self.family.gaps:
+        for gap in self.family.unfollowed_speeds:
             lost |= (min(gap) <= speeds) & (speeds <= max(gap))
         return [
             None if missing or None in own or not own else own

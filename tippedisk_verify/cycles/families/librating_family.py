@@ -74,7 +74,7 @@ class LibratingFamily(Family):
         if not self._distance_to_limit < math.inf:
             raise NoSuchCycleError(self._lost_family_error(self.nodes[-1, 0]))
         first, last = map(float, self.nodes[[0, -1], 3])
-        self.gaps = (first, self.omega_crit), (last, 2 * self.limit - last)
+        self.unfollowed_speeds = (first, self.omega_crit), (last, 2 * self.limit - last)
 
     @property
     def _distance_to_limit(self) -> float:
@@ -108,8 +108,8 @@ class LibratingFamily(Family):
             distance: The distance of the speed from the Hopf point [rad/s].
         """
         s, _, _, omega, _, _, slope = self.nodes[0].tolist()
-        away = self.omega_crit - omega
-        return self.guess(s * (distance / abs(away)) ** (-away / (s * slope)))
+        node_distance = self.omega_crit - omega
+        return self.guess(s * (distance / abs(node_distance)) ** (-node_distance / (s * slope)))
 
     @cached_property
     def connected(self) -> bool:

@@ -87,9 +87,9 @@ class RotatingFamily(Family):
         nodes = _GUESSING_NODES if solver is None else _NODES
         super().__init__(parameters, engine, solver or singly, nodes, centre, half_range, first_row)
         self.extend()
-        self.gaps = ((float(self.nodes[0, 3]), float(omega_h)),)
+        self.unfollowed_speeds = ((float(self.nodes[0, 3]), float(omega_h)),)
 
-    def reach(self, omega: float) -> None:
+    def follow_to(self, omega: float) -> None:
         """Follow the family beyond its fold, up to the speed ``omega``.
 
         Args:
@@ -113,7 +113,7 @@ class RotatingFamily(Family):
         Raises:
             NoSuchCycleError: If the family has no fold.
         """
-        self.reach(0.0)
+        self.follow_to(0.0)
         if not self.folds:
             raise NoSuchCycleError(
                 "the speeds of the rotating cycles rise from Omega_h on: they have no fold"
@@ -140,7 +140,7 @@ class RotatingFamily(Family):
                 ).unstable_manifold_crossing()
                 yield CycleGuess((float(beta), float(v)), omega, 0, self.omega_falls[0])
                 continue
-            self.reach(0.0 if side else omega)
+            self.follow_to(0.0 if side else omega)
             yield from (
                 place for place in self.guesses(omega) if self.omega_falls[place.piece] is side
             )

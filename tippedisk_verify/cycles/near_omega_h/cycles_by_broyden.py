@@ -20,9 +20,9 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.cycles.near_omega_h.arithmetic import precision_near_omega_h
 from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     PeriodContinuation,
-    precision_near_omega_h,
     predicted_state,
 )
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names

@@ -23,20 +23,18 @@ from typing import Any
 
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
+from tippedisk_verify.cycles.near_omega_h.arithmetic import precision_near_omega_h
 from tippedisk_verify.cycles.shooting.newton import Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_logarithm
 from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.precision import (
     DOUBLE,
-    QUADRUPLE,
     Precision,
-    bits_for_digits,
     precision_of_bits,
 )
 from tippedisk_verify.theory.equilibria import equilibrium
@@ -49,7 +47,6 @@ __all__ = [
     "cycle_at_half_period",
     "cycles_of_rising_period",
     "limit_of_cycles",
-    "precision_near_omega_h",
     "predicted_state",
 ]
 
@@ -389,28 +386,3 @@ def limit_of_cycles(parameters: Parameters, engine: Engine, digits: int) -> Meas
         half_width = family.change * HALF_WIDTH_FACTOR
         if half_width <= omega_h / 10**digits:
             return Measured(omega_h, half_width)
-
-
-def precision_near_omega_h(
-    parameters: Parameters, omega_h: Fraction, above: Fraction, digits: int
-) -> Precision:
-    """Return the arithmetic in which a cycle next to Omega_h must be computed to keep its digits.
-
-    Rounding grows over a passage like 1 / above. It must be small against the state's distance from
-    the saddle. That distance is of the order of ``above`` to the power lambda_u / (lambda_u -
-    lambda_s).
-
-    Args:
-        parameters: The disk and its friction law.
-        omega_h: Omega_h [rad/s].
-        above: Omega - Omega_h [rad/s].
-        digits: The digits that must be left.
-    """
-    unstable, slow, _ = (
-        float(value.re) for value in equilibrium(parameters, omega_h, "noninverted").eigenvalues
-    )
-    power = 1 + unstable / (unstable - slow)
-    needed = bits_for_digits(
-        digits + 4 + math.ceil(power * max(0.0, -decimal_logarithm(abs(above))))
-    )
-    return QUADRUPLE if needed <= QUADRUPLE.bits else precision_of_bits(needed)

@@ -147,13 +147,14 @@ class GlobalMap:
         )
         probe = _rounded_distance(float(omega_h) * _SPLITTING_STEP)
         above, below = (self._arrival(distance, 0.0) for distance in (probe, -probe))
-        reach = settings.arrival_ratio * float(
+        largest_distance = settings.arrival_ratio * float(
             2 * probe * fraction(abs(above[1] / (above[0] - below[0])))
         )
         # 64 bits hold the flights' speeds exactly: short distances from a double.
         offset = Fraction(float(omega_h)) - omega_h
         on_manifold = [
-            _rounded_distance(reach * x) + offset for x in _chebyshev_nodes(settings.speed_count)
+            _rounded_distance(largest_distance * x) + offset
+            for x in _chebyshev_nodes(settings.speed_count)
         ]
         off_manifold = [
             _rounded_distance(settings.max_distance * x) + offset for x in _OFF_MANIFOLD_SPEEDS
@@ -251,7 +252,7 @@ class GlobalMap:
         as many flights as coefficients. u vanishes exactly at sigma = 0 and Omega_h; the fit's
         rounding there is dropped.
         """
-        count, reach = len(distances), EXTENDED.number(max(distances))
+        count, farthest = len(distances), EXTENDED.number(max(distances))
         largest = float(self.u_1) * self.settings.max_start_ratio
         places = [(distance, 0.0) for distance in distances]
         places += [(distance, largest * x) for distance in off_manifold for x in _START_SIGMAS]
@@ -260,7 +261,7 @@ class GlobalMap:
             (k, n) for k in range(len(off_manifold)) for n in range(1, len(_START_SIGMAS) + 1)
         ]
         scaled = [
-            (EXTENDED.number(distance) / reach, EXTENDED.number(sigma) / largest)
+            (EXTENDED.number(distance) / farthest, EXTENDED.number(sigma) / largest)
             for distance, sigma in places
         ]
         matrix = numpy.array([[x**k * y**n for k, n in powers] for x, y in scaled])
@@ -269,7 +270,7 @@ class GlobalMap:
             (count, len(_START_SIGMAS) + 1, values.shape[1]), EXTENDED.number_type
         )
         for (k, n), row in zip(powers, solve_linear(matrix, values), strict=True):
-            coefficients[k, n] = row / reach**k / EXTENDED.number(largest) ** n
+            coefficients[k, n] = row / farthest**k / EXTENDED.number(largest) ** n
         coefficients[0, 0, 0] = 0
         return coefficients
 

@@ -31,7 +31,6 @@ __all__ = [
     "MAX_DISTANCE_FROM_LAW",
     "MIN_SHOOTING_DISTANCE",
     "NEAR_HOPF_DISTANCE",
-    "LimitCycle",
     "one_harmonic_guess",
     "shoot",
     "shoot_limit_cycle",
