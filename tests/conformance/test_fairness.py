@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from results.scipy_program import answered
+from graded_programs.scipy_program import answered
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.gate import shortcomings
 from tippedisk_verify.conformance.grade_pages import Report

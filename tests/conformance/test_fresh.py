@@ -16,8 +16,8 @@ from pathlib import Path
 import pytest
 
 import tippedisk_verify as tv
+from graded_programs.scipy_program import motion
 from reference_data.make.recipes import CONFIRM
-from results.scipy_program import motion
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import (

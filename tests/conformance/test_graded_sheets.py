@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from results.make import HERE, SCIPY, table
+from graded_programs.make import HERE, SCIPY, table
 
 FILES = sorted(HERE.glob("*.csv"))
 

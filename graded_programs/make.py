@@ -1,12 +1,12 @@
 """Graded sheets of our own runs: five SciPy methods, heyoka in double, and the C client.
 
-    python -m results.make                  # in a checkout with a C compiler; some minutes python
-    -m results.make heyoka-double    # this one only python -m results.make --table          # only
+    python -m graded_programs.make                  # in a checkout with a C compiler; some minutes python
+    -m graded_programs.make heyoka-double    # this one only python -m graded_programs.make --table          # only
     the table in README.md, after a file has been added
 
 SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the
 client answers all questions. The grades by quantity are written as CSV, as `tippedisk-verify
-conformance grade ANSWERS --csv results/NAME.csv` writes them for any program.
+conformance grade ANSWERS --csv graded_programs/NAME.csv` writes them for any program.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from functools import partial
 from pathlib import Path
 
 import tippedisk_verify as tv
-from results.scipy_program import answered
+from graded_programs.scipy_program import answered
 from tippedisk_verify.commands.conformance_sources import CLIENTS
 from tippedisk_verify.commands.conformance_sources import FOLDER as SOURCES
 from tippedisk_verify.conformance.sheet import questions, sheet_csv
@@ -30,7 +30,7 @@ HERE = Path(__file__).parent
 KINDS = ("trajectory", "limit-cycle", "near-heteroclinic")
 PREFIXES = tuple(f"table1/{law}/{kind}/" for law in ("linear", "smooth") for kind in KINDS)
 SCIPY = (("RK45", 1e-9), ("DOP853", 1e-12), ("LSODA", 1e-12), ("Radau", 1e-8), ("BDF", 1e-8))
-_MARK = "<!-- made by results/make.py -->"
+_MARK = "<!-- made by graded_programs/make.py -->"
 
 
 def heyoka() -> dict[str, str]:
