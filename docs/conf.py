@@ -17,7 +17,7 @@ from sphinx.writers.html5 import HTML5Translator
 
 import tippedisk_verify
 from tippedisk_verify.commands.help import load_quantities
-from tippedisk_verify.model.results import Printable, quantities
+from tippedisk_verify.display import Printable, quantities
 
 project = "tippedisk_verify"
 release = tippedisk_verify.__version__

@@ -12,10 +12,10 @@ import click
 import pytest
 
 from tests.command_line import printed
+from tippedisk_verify import display
 from tippedisk_verify.bench.problems import PROBLEMS
 from tippedisk_verify.cli import cli
 from tippedisk_verify.commands import common
-from tippedisk_verify.model import results
 from tippedisk_verify.reference_values.store import load_store
 from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -179,9 +179,9 @@ def test_units_are_those_of_the_reference_data() -> None:
         # name here.
         if (
             quantity.kind in ("hopf", "limit-cycle", "heteroclinic")
-            and results.column_heading(name) != name
+            and display.column_heading(name) != name
         ):
-            assert results.column_heading(name) == f"{name} [{quantity.unit}]"
+            assert display.column_heading(name) == f"{name} [{quantity.unit}]"
             compared.add(name)
     assert {
         "omega_crit",
@@ -192,18 +192,18 @@ def test_units_are_those_of_the_reference_data() -> None:
         "omega_h",
         "dperiod_domega",
     } <= compared
-    assert results.column_heading("multiplier_slow") == "multiplier_slow"
+    assert display.column_heading("multiplier_slow") == "multiplier_slow"
 
 
 def test_a_quantity_has_one_unit() -> None:
     """Check that a quantity has one unit and a meaning in all classes."""
-    units: dict[str, set[str]] = {name: {what.unit} for name, what in results.COORDINATES.items()}
-    for kind in _results(results.Printable):
-        for name, what in results.quantities(kind).items() if is_dataclass(kind) else ():
+    units: dict[str, set[str]] = {name: {what.unit} for name, what in display.COORDINATES.items()}
+    for kind in _results(display.Printable):
+        for name, what in display.quantities(kind).items() if is_dataclass(kind) else ():
             units.setdefault(name, set()).add(what.unit)
             assert what.meaning
     assert {name: meanings for name, meanings in units.items() if len(meanings) > 1} == {}
-    assert results.quantities(HopfPoint)["period"].unit == "s"
+    assert display.quantities(HopfPoint)["period"].unit == "s"
     assert len(units) > 40
 
 

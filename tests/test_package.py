@@ -66,7 +66,7 @@ def test_public_names_exist() -> None:
 @pytest.mark.parametrize(
     "name",
     [
-        *("", ".model.measured", ".cycles.monodromy"),
+        *("", ".numbers.measured", ".cycles.monodromy"),
         pytest.param(".cycles.limit_cycle", marks=pytest.mark.slow(minutes=0.1)),
         pytest.param(".disk", marks=pytest.mark.slow(minutes=0.2)),
     ],

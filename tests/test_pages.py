@@ -148,7 +148,7 @@ def test_every_public_name_of_python_has_an_example() -> None:
 def test_the_numbers_of_the_first_page() -> None:
     """Compare each number in the table with the true one, rounded to as many places."""
     from tippedisk_verify.audit.claims import rounds_to
-    from tippedisk_verify.model.measured import Measured
+    from tippedisk_verify.numbers.measured import Measured
     from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
     from tippedisk_verify.theory.one_harmonic_law import chi
 

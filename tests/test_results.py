@@ -13,7 +13,7 @@ import cloudpickle
 import pytest
 
 import tippedisk_verify as tv
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.display import Printable
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 LEVEL = tv.Event("level", lambda ops, constants, omega, beta, gamma, v: gamma - 2, terminal=False)

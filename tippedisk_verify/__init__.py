@@ -4,7 +4,8 @@ The front door is `tippedisk_verify.disk`: a `Disk` and the questions it answers
 behind it follow; each imports only from those before it:
 
 - `tippedisk_verify.support`: files, cache, processes, progress: no mathematics;
-- `tippedisk_verify.model`: numbers, parameters, equations of motion;
+- `tippedisk_verify.numbers`: exact inputs, arithmetics, numbers with half-widths;
+- `tippedisk_verify.model`: the disk, its friction laws and equations of motion;
 - `tippedisk_verify.proofs`: proved enclosures in ball arithmetic. It imports `model` only, and
   `tippedisk_verify.certify` supplies its starting numbers;
 - `tippedisk_verify.theory`: results in closed form and series, and

@@ -13,8 +13,8 @@ from fractions import Fraction
 from typing import TYPE_CHECKING, Any, cast
 
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.model.exact import exact, short_text
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.numbers.exact import exact, short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.support.progress import show_progress
 
 if TYPE_CHECKING:

@@ -14,7 +14,6 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from tippedisk_verify.errors import AccuracyError, InputError, UnknownKeywordError
-from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import (
     checked_speed,
     checked_speeds,
@@ -22,10 +21,11 @@ from tippedisk_verify.model.equations import (
     require_one_speed,
     vector_field,
 )
-from tippedisk_verify.model.exact import fraction, short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import fraction, short_text
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.support.progress import show_progress, show_share, with_progress
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.sensitivity import Sensitivity
     from tippedisk_verify.flow.contract import Engine, Event
-    from tippedisk_verify.model.arrays import Array
     from tippedisk_verify.motion.basin_boundary import BasinBoundary
     from tippedisk_verify.motion.basins import Basins
     from tippedisk_verify.motion.scenes import ComputedScene
     from tippedisk_verify.motion.solution import Solution
+    from tippedisk_verify.numbers.arrays import Array
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
     from tippedisk_verify.theory.slow_manifold import SlowManifold
@@ -321,7 +321,7 @@ class Disk(Parameters):
         >>> [f("30.4")(0, [1.5, 1.6, 0.0]).shape for f in (disk.rhs, disk.jacobian)]
         [(3,), (3, 3)]
         """
-        from tippedisk_verify.model.arrays import ArrayFunction
+        from tippedisk_verify.model.array_function import ArrayFunction
 
         return ArrayFunction(vector_field, self, omega)
 
@@ -336,7 +336,7 @@ class Disk(Parameters):
         Raises:
             InputError: If ``omega`` is not a positive decimal.
         """
-        from tippedisk_verify.model.arrays import ArrayFunction
+        from tippedisk_verify.model.array_function import ArrayFunction
 
         return ArrayFunction(jacobian, self, omega)
 

@@ -18,9 +18,9 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import PI, Exact, fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import Precision, precision_of_bits
+from tippedisk_verify.numbers.exact import PI, Exact, fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import Precision, precision_of_bits
 from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 

@@ -11,10 +11,10 @@ import numpy
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.equations import equation_terms, vector_field
-from tippedisk_verify.model.exact import fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.truths import (
     BITS,

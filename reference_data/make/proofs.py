@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values.entries import Case, MeasuredValues
 from tippedisk_verify.reference_values.store import quantity_definitions
 

@@ -11,7 +11,7 @@ from typing import Any
 from reference_data.make import cycles, local
 from reference_data.make.proofs import proved
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values import truths
 from tippedisk_verify.reference_values.entries import (
     STORED_DIGITS,

@@ -20,8 +20,8 @@ from tippedisk_verify.audit.claim_proofs import ClaimProof, proof_of
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, examine_claim, rounds_to, sets_with
 from tippedisk_verify.audit.linear_claims import table_box
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import GEOMETRY, NAMED_SETS, PRINTED, Friction, Parameters
+from tippedisk_verify.numbers.measured import Measured
 
 PAGES = sorted((Path(__file__).parents[2] / "docs").glob("certified*.md"))
 PROVED: dict[Friction, set[str]] = {

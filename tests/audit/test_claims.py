@@ -11,8 +11,8 @@ from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examine_claim
 from tippedisk_verify.audit.linear_claims import table_box
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.report.results_json import summary, totals_sentence
 
 

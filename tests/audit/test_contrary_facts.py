@@ -28,9 +28,9 @@ from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclin
 from tippedisk_verify.flow import scipy_engine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.motion.basins import OUTCOMES
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory import expansion, one_harmonic_law
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import (

@@ -29,7 +29,7 @@ from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
 
 STATE = {

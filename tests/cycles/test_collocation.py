@@ -12,9 +12,9 @@ from tippedisk_verify.cycles.collocation.collocation_branch import _librating_br
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.exact import Exact, fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import QUADRUPLE
+from tippedisk_verify.numbers.exact import Exact, fraction
+from tippedisk_verify.numbers.precision import QUADRUPLE
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.theory.hopf import criticality, omega_crit, period_crit
 from tippedisk_verify.theory.one_harmonic_law import one_harmonic

@@ -14,10 +14,10 @@ from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclin
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.hopf import omega_crit
 
 

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, wider_precision
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, wider_precision
 
 pytestmark = pytest.mark.skipif(
     wider_precision(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits"

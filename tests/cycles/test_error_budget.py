@@ -21,9 +21,9 @@ from tippedisk_verify.cycles.shooting.error_budget import bound_lost_logarithms
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,

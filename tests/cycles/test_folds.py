@@ -26,9 +26,9 @@ from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_ME
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.hopf import criticality, hopf_point
 

@@ -16,7 +16,7 @@ from tippedisk_verify.cycles.near_omega_h.period_continuation import (
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.equilibria import equilibrium
 
 

@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import rotating_cycl
 from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import normal_force_over_weight, vector_field
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
 from tippedisk_verify.theory.equilibria import equilibrium
 
 #: Stable and unstable ones, and above Omega_crit.

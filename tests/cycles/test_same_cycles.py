@@ -12,7 +12,7 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.hopf import speed_below_crit
 
 #: Speeds [rad/s] between the Hopf point and the family's first node, at a node's distance and far

@@ -20,9 +20,9 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
 ALL = (

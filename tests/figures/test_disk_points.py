@@ -10,7 +10,7 @@ import pytest
 from tippedisk_verify.figures.inversion_figure import points_of
 from tippedisk_verify.model.equations import equation_terms
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.precision import DOUBLE
 
 _OMEGA = 30.4
 

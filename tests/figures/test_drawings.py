@@ -16,9 +16,9 @@ from tippedisk_verify.figures.family_figures import law_rows
 from tippedisk_verify.figures.inversion_figure import points_of
 from tippedisk_verify.figures.state_space import last_period
 from tippedisk_verify.figures.style import pyplot
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.scenes import compute_scene, scene_named
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.hopf import omega_crit
 

@@ -17,7 +17,7 @@ from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Req
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import EXTENDED, QUADRUPLE, Precision, precision_of_bits
+from tippedisk_verify.numbers.precision import EXTENDED, QUADRUPLE, Precision, precision_of_bits
 
 TRUTH = precision_of_bits(200)
 LAWS: tuple[Friction, ...] = ("linear", "smooth")

@@ -24,9 +24,9 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, precision_of_bits
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)

@@ -13,9 +13,9 @@ from tippedisk_verify.flow import switching
 from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
 
 
 def smooth(omega, start, duration, **needs) -> Request:

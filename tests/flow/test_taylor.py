@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 
 def test_the_factored_form_is_small() -> None:

@@ -25,7 +25,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.precision import precision_of_bits
 
 _THREADS = 8
 

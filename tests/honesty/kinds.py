@@ -39,10 +39,10 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.start import starts_at_rest
-from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, QUADRUPLE, precision_of_bits
+from tippedisk_verify.numbers.exact import PI, exact, fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE, precision_of_bits
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.entries import Case, ReferenceEntry
 from tippedisk_verify.reference_values.truths import cross_check_values, true_values

@@ -18,8 +18,8 @@ from tests.honesty.plants import PLANTS, planted
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.numbers.measured import Measured
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))

@@ -20,7 +20,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, precision_of_bits
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 

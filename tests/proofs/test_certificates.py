@@ -21,8 +21,8 @@ from tests.proofs.test_cycle import OMEGA, proved_cycle
 from tests.proofs.test_fold import SUBCRITICAL, SUBCRITICAL_FOLD
 from tests.proofs.test_sliding import GUESS as SMOOTH_GUESS
 from tests.proofs.test_sliding import SMOOTH
-from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS
+from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.proofs.kernel import certificates, krawczyk, sliding
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import (

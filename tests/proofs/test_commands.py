@@ -13,8 +13,8 @@ from flint import arb
 
 from tests.command_line import answer
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs import angles
 from tippedisk_verify.proofs.closed_forms import (
     characteristic_polynomial,

@@ -14,8 +14,8 @@ from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import _converges_along_slow_direction
 from tippedisk_verify.proofs.search import connection_proof as certified

@@ -16,9 +16,9 @@ from tests.command_line import answer, assert_refused
 from tests.proofs.cases import ChangeOfContent, proved_connection, replace_entry
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic

@@ -21,8 +21,8 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import shifted_ops, vector_field
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import (
     arb,
     ball,

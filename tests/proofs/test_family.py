@@ -20,8 +20,8 @@ from tests.proofs.cases import half_flight, proved_connection
 from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.kernel import vector_field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision

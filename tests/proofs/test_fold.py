@@ -18,8 +18,8 @@ from tippedisk_verify.cycles.families.folds import (
 )
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import arb
 from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of

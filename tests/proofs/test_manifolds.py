@@ -12,8 +12,8 @@ import pytest
 from flint import arb, arb_mat
 
 from tippedisk_verify.model.equations import shifted_ops, vector_field
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
+from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     Unproved,

@@ -19,8 +19,8 @@ from tests.problems import paper_rates, paper_terms
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.exact import exact, rational_in_context
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.numbers.exact import exact, rational_in_context
 from tippedisk_verify.reference_values.checking import (
     StoredEntry,
     check,

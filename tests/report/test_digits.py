@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tippedisk_verify.audit.claims import rounds_to
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.report.digits import agreed_digits, split_at_agreement
 
 

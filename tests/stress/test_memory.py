@@ -16,7 +16,7 @@ import pytest
 from tippedisk_verify.flow.contract import SECTION, Request, Status
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.precision import precision_of_bits
 
 _LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(

@@ -11,9 +11,9 @@ from typing import Any, NamedTuple
 import mpmath
 
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import LAWS
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.exact import rational_in_context
 from tippedisk_verify.theory.hopf import critical_frequency_squared, omega_crit_squared
 
 _ORDER = 5

@@ -14,12 +14,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_rates, physical_parameters
+from tippedisk_verify.display import Eigenvalue
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import precision_of_bits
-from tippedisk_verify.model.results import Eigenvalue
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,

@@ -16,8 +16,8 @@ from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_terms, physical_parameters
 from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.exact import rational_in_context
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.one_harmonic_law import (
     Form,

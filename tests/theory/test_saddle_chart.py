@@ -9,9 +9,9 @@ import numpy
 import pytest
 
 from tests.problems import paper_rates
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import CALIBRATED
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, wider_precision
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, wider_precision
 from tippedisk_verify.theory.saddle_chart import ChartFamily, SaddleChart
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 

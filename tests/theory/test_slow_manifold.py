@@ -18,10 +18,10 @@ from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.exact import fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import (
     analyse_slow_manifold,

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from shlex import quote
 
 from tippedisk_verify.audit.claims import Claim, Finding, Theorem, rounds_to
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.display import Printable
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.measured import Measured
 
 __all__ = ["ClaimProof", "proof_of"]
 

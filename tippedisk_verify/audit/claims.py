@@ -21,14 +21,14 @@ from tippedisk_verify.cycles.branch_cycles import cycles_found, librating_branch
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import ComputedScene, compute_scene, scene_named
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.measured import Measured
 
 __all__ = [
     "Answer",

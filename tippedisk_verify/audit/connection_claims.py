@@ -11,8 +11,8 @@ from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.exact import Exact
+from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS", "FAMILY"]

@@ -14,8 +14,8 @@ from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.motion.basins import basins
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.slow_manifold import critical_manifold
 

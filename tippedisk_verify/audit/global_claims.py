@@ -16,8 +16,8 @@ from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]

@@ -18,10 +18,10 @@ from tippedisk_verify.audit.claims import (
     rounds_to,
 )
 from tippedisk_verify.model.equations import equation_terms, jacobian
-from tippedisk_verify.model.exact import rational_in_context
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
+from tippedisk_verify.numbers.exact import rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     equilibrium,

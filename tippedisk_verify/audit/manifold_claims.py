@@ -8,9 +8,9 @@ from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, printed_word
 from tippedisk_verify.model.equations import jacobian, vector_field
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,

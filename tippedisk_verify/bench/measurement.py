@@ -19,8 +19,8 @@ from typing import Any, NamedTuple
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.truth import Truth, compared_numbers, compute_truth
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.display import Printable
+from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.support.parallel import usable_cores
 from tippedisk_verify.support.provenance import processor, versions
 

@@ -12,7 +12,7 @@ from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import jacobian, vector_field
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 __all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared"]
 

@@ -19,7 +19,7 @@ from tippedisk_verify.bench.problems import Problem, problem_named
 from tippedisk_verify.bench.truth import compute_truth
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import as_list, fraction, short_text
+from tippedisk_verify.numbers.exact import as_list, fraction, short_text
 
 __all__ = [
     "OWN_FAMILY",

@@ -19,7 +19,7 @@ from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import jacobian, vector_field
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["PEERS", "peer_methods"]
 

@@ -11,11 +11,11 @@ from typing import Any, Literal
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.arrays import ArrayFunction
+from tippedisk_verify.model.array_function import ArrayFunction
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["PROBLEMS", "ErrorKind", "Problem", "problem_named"]

@@ -25,9 +25,9 @@ from tippedisk_verify.bench.own_methods import (
 )
 from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
 from tippedisk_verify.bench.truth import cut_at_returns
+from tippedisk_verify.display import Printable, data_frame
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import as_list, short_text
-from tippedisk_verify.model.results import Printable, data_frame
+from tippedisk_verify.numbers.exact import as_list, short_text
 from tippedisk_verify.support.dialogue import Program, start_program
 from tippedisk_verify.support.files import read_text
 from tippedisk_verify.support.progress import show_progress

@@ -47,9 +47,9 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, raise_unless_usable
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import QUADRUPLE, Precision, precision_of_bits
 
 __all__ = ["Truth", "compared_numbers", "compute_truth", "cut_at_returns", "defines_error"]
 

@@ -25,8 +25,8 @@ from tippedisk_verify.commands.common import (
     unstable_option,
 )
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
+from tippedisk_verify.display import result_lines
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.results import result_lines
 from tippedisk_verify.support.files import printable, write_text
 from tippedisk_verify.support.parallel import map_of
 from tippedisk_verify.support.progress import with_progress

@@ -19,10 +19,10 @@ from typing import Any
 import click
 
 from tippedisk_verify.commands.help import DefinedCommand, load_quantities
+from tippedisk_verify.display import result_lines
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES, require_one_speed
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
-from tippedisk_verify.model.results import result_lines
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.support.files import checked_file_path, output_file, sole_writer
 from tippedisk_verify.support.progress import Advance, show_progress
 
@@ -138,7 +138,7 @@ def decimal(context: click.Context, option: click.Parameter, value: str | None) 
     Raises:
         InputError: If it is not a decimal.
     """
-    from tippedisk_verify.model.exact import exact
+    from tippedisk_verify.numbers.exact import exact
 
     try:
         exact("0" if value is None else value)
@@ -276,7 +276,7 @@ def _command(
 
 def _common(parameters: str, friction: Any, digits: int, json: bool, quiet: bool) -> DiskOptions:
     from tippedisk_verify.disk import Disk
-    from tippedisk_verify.model.precision import checked_digits
+    from tippedisk_verify.numbers.precision import checked_digits
 
     return DiskOptions(json, quiet, Disk(parameters, friction=friction), checked_digits(digits))
 

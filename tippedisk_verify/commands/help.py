@@ -12,7 +12,7 @@ from textwrap import wrap
 
 import click
 
-from tippedisk_verify.model.results import COORDINATES, QuantityMeaning, column_heading, quantities
+from tippedisk_verify.display import COORDINATES, QuantityMeaning, column_heading, quantities
 
 __all__ = ["EXAMPLES", "Cli", "DefinedCommand", "load_quantities"]
 

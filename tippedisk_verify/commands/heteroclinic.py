@@ -19,10 +19,10 @@ from tippedisk_verify.commands.common import (
     table,
     with_width_columns,
 )
+from tippedisk_verify.display import numbers_as_json
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import Exact, exact
-from tippedisk_verify.model.results import numbers_as_json
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import Exact, exact
 from tippedisk_verify.support.files import read_text, write_bytes, write_table
 
 if TYPE_CHECKING:

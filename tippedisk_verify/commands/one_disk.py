@@ -27,12 +27,12 @@ from tippedisk_verify.commands.common import (
     with_width_columns,
 )
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
+from tippedisk_verify.display import column_heading, result_lines
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import require_one_speed
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import column_heading, result_lines
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.support.files import read_text, write_bytes, write_csv, write_table
 
 if TYPE_CHECKING:

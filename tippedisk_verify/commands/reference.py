@@ -14,7 +14,7 @@ from tippedisk_verify.commands.common import (
     group,
 )
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
-from tippedisk_verify.model.results import column_heading
+from tippedisk_verify.display import column_heading
 
 if TYPE_CHECKING:
     from tippedisk_verify.reference_values.store import ReferenceValue

@@ -25,7 +25,7 @@ from tippedisk_verify.commands.jobs import (
     process_pool,
     worker_executor,
 )
-from tippedisk_verify.model.exact import short_text
+from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.support.files import write_csv, write_text
 from tippedisk_verify.support.parallel import results_as_completed
 from tippedisk_verify.support.progress import with_progress

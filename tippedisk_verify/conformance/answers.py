@@ -10,7 +10,7 @@ from tippedisk_verify.conformance.grade_pages import Report
 from tippedisk_verify.conformance.grading import answer_text, grade_answers, tally_levels
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.reference_values.lookup import full_id, reference
 from tippedisk_verify.reference_values.store import Reading, load_store
 from tippedisk_verify.support.progress import show_progress

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from tippedisk_verify.conformance.diagnosis import Diagnosis
 from tippedisk_verify.conformance.grading import Grade, Tally, tally_quantities
 from tippedisk_verify.conformance.sheet import Answers
-from tippedisk_verify.model.results import Printable, data_frame
+from tippedisk_verify.display import Printable, data_frame
 from tippedisk_verify.reference_values.grading_rules import ALLOWED_INPUT_CHANGE, DIGITS_REQUIRED
 from tippedisk_verify.reference_values.store import is_optional
 from tippedisk_verify.support.files import csv_text

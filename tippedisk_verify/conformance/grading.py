@@ -15,10 +15,10 @@ from typing import Any
 
 from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.sheet import Answers
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_arithmetic
-from tippedisk_verify.model.exact import fraction, plain_number
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.decimals import decimal_arithmetic
+from tippedisk_verify.numbers.exact import fraction, plain_number
 from tippedisk_verify.reference_values.grading_rules import (
     ROUNDING_CHANGE,
     digits_needed,

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache, partial
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow.contract import SECTION, Engine, Event, Request, Result, Status
-from tippedisk_verify.model.exact import Exact
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.exact import Exact
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.theory.equilibria import (
     equilibrium,
     equilibrium_state,

@@ -9,9 +9,9 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.connection.splitting import MAX_DIGITS, splitting_zero
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.measured import Measured
 
 __all__ = ["DISTANCE_DIGITS", "FIRST_DIGITS", "omega_h_resolving", "rounded_up_digits"]
 

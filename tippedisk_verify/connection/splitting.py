@@ -32,10 +32,10 @@ import numpy
 
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
-from tippedisk_verify.model.exact import fraction, rational_in_context
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,

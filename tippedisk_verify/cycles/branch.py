@@ -23,13 +23,7 @@ from tippedisk_verify.cycles.branch_cycles import (
 from tippedisk_verify.cycles.families.folds import libration_folds
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.exact import fraction, integer_between, short_text
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import (
+from tippedisk_verify.display import (
     Printable,
     as_json,
     column_heading,
@@ -37,6 +31,12 @@ from tippedisk_verify.model.results import (
     half_width_in_double,
     quantity,
 )
+from tippedisk_verify.errors import InputError
+from tippedisk_verify.flow import default_engine
+from tippedisk_verify.numbers.arrays import Array
+from tippedisk_verify.numbers.exact import fraction, integer_between, short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
 
 __all__ = ["Branch", "SpecialPoint"]

@@ -29,8 +29,8 @@ from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError
 from tippedisk_verify.flow import default_batch_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speeds
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = [

@@ -24,7 +24,7 @@ from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.theory.hopf import distance_below_crit
 
 if TYPE_CHECKING:

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy
 
+from tippedisk_verify.display import Printable, quantities, quantity
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import (
@@ -20,13 +21,12 @@ from tippedisk_verify.flow.contract import (
     Request,
     raise_unless_usable,
 )
-from tippedisk_verify.model.arrays import round_to_doubles, to_double_array
-from tippedisk_verify.model.exact import integer_between, short_text
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.model.result_format import saved_numbers, write_saved
-from tippedisk_verify.model.results import Printable, quantities, quantity
+from tippedisk_verify.numbers.arrays import round_to_doubles, to_double_array
+from tippedisk_verify.numbers.exact import integer_between, short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.support.progress import show_share
 
 if TYPE_CHECKING:

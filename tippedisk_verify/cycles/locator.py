@@ -32,8 +32,8 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Sectio
 from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE, NEAR_HOPF_DISTANCE, shoot
 from tippedisk_verify.errors import AccuracyError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import decimal_magnitude
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import distance_below_crit
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
+from tippedisk_verify.display import Printable, as_json, numbers_as_json
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import STATE_VARIATIONS, Request, Result, raise_unless_usable
-from tippedisk_verify.model.arrays import numpy_safe, round_to_doubles
-from tippedisk_verify.model.exact import exact, fraction
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
-from tippedisk_verify.model.results import Printable, as_json, numbers_as_json
+from tippedisk_verify.numbers.arrays import numpy_safe, round_to_doubles
+from tippedisk_verify.numbers.exact import exact, fraction
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.support.progress import report_share
 
 __all__ = ["FloquetVectors", "Monodromy", "monodromy_of"]

@@ -32,15 +32,15 @@ from tippedisk_verify.cycles.shooting.error_budget import iterate_until_rounding
 from tippedisk_verify.cycles.shooting.newton import FixedPoint
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.display import Printable, result_lines
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
-from tippedisk_verify.model.results import Printable, result_lines
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, Precision, wider_precision
 from tippedisk_verify.theory.hopf import omega_crit_derivatives
 
 __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from tippedisk_verify.figures.style import pyplot
-from tippedisk_verify.model.exact import exact
 from tippedisk_verify.motion.solution import Solution
+from tippedisk_verify.numbers.exact import exact
 
 __all__ = ["draw_motion"]
 

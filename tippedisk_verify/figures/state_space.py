@@ -11,8 +11,8 @@ from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
-from tippedisk_verify.model.precision import DOUBLE
 from tippedisk_verify.motion.scenes import SCENES, ComputedScene
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.equilibria import stiff_eigenvalue_estimate
 from tippedisk_verify.theory.slow_manifold import slow_manifold
 

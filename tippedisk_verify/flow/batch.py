@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
 from tippedisk_verify.flow.contract import Event, Variation
@@ -28,14 +29,13 @@ from tippedisk_verify.flow.system import (
     direction_of,
     parameter_names,
 )
-from tippedisk_verify.model.arrays import Array, to_double_array
 from tippedisk_verify.model.equations import shifted_ops as _shifted
-from tippedisk_verify.model.exact import short_text
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.arrays import Array, to_double_array
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["BatchResult", "BatchTaylor", "equation_constants"]
 

@@ -19,13 +19,13 @@ from functools import partial
 from inspect import signature
 from typing import Any, Literal, NamedTuple, Protocol
 
+from tippedisk_verify.display import Printable, numbers_as_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.exact import refuse_units_and_masks, short_text
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
-from tippedisk_verify.model.results import Printable, numbers_as_json
+from tippedisk_verify.numbers.exact import refuse_units_and_masks, short_text
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = [
     "BETA_EXTREME",
@@ -204,7 +204,7 @@ class Request:
     """A description of an integration of the motion: disk, speed, start, duration and what to
     record.
 
-    ``omega``, ``state`` and ``duration`` are numbers or texts that `model.exact.exact` accepts, so
+    ``omega``, ``state`` and ``duration`` are numbers or texts that `numbers.exact.exact` accepts, so
     the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
     times in s. The run starts at time 0 and goes backward if ``duration`` is negative.
 

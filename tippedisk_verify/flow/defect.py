@@ -32,7 +32,7 @@ from numpy.polynomial import legendre
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.stepper import Series
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
 

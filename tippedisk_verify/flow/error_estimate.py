@@ -24,8 +24,14 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.start import SURFACE_ROUNDINGS
 from tippedisk_verify.model.equations import shifted_ops
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, QUADRUPLE, Precision, wider_precision
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
+from tippedisk_verify.numbers.precision import (
+    DOUBLE,
+    EXTENDED,
+    QUADRUPLE,
+    Precision,
+    wider_precision,
+)
 
 __all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "half_widths_from_defect"]
 

@@ -7,7 +7,7 @@ from functools import lru_cache
 from types import ModuleType
 
 from tippedisk_verify.flow.code_cache import use_checked_cache
-from tippedisk_verify.model.precision import heyoka_types
+from tippedisk_verify.numbers.precision import heyoka_types
 
 __all__ = ["heyoka_module"]
 

@@ -31,9 +31,9 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.start import Start, starts_at_rest
 from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.exact import short_text
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["SCIPY_METHODS", "ScipyEngine", "ScipyMethod"]
 

@@ -10,7 +10,7 @@ from tippedisk_verify.flow.contract import FLAT, Event, Request
 from tippedisk_verify.model.equations import Ops, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = [
     "MAX_TIME_ON_SURFACE",

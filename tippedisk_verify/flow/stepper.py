@@ -39,7 +39,7 @@ from tippedisk_verify.flow.system import (
 )
 from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["CompiledStepper", "Series"]
 

@@ -24,7 +24,7 @@ import numpy
 
 from tippedisk_verify.flow.contract import SLIDING_REVERSAL, Event, EventRecord
 from tippedisk_verify.flow.start import MIN_TIME_ON_SURFACE, SURFACE_ROUNDINGS, Start
-from tippedisk_verify.model.precision import Precision
+from tippedisk_verify.numbers.precision import Precision
 
 __all__ = ["FrictionSign", "FrictionSigns"]
 

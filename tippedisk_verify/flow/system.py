@@ -23,7 +23,7 @@ from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.model.equations import STATE_NAMES, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import Precision
+from tippedisk_verify.numbers.precision import Precision
 
 __all__ = [
     "FRICTION_SWITCH",

@@ -24,9 +24,9 @@ from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, half_widths_from_
 from tippedisk_verify.flow.start import starts_at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
 from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
-from tippedisk_verify.model.arrays import round_to_doubles
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
-from tippedisk_verify.model.precision import DOUBLE, bits_for_digits, precision_of_bits
+from tippedisk_verify.numbers.arrays import round_to_doubles
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.numbers.precision import DOUBLE, bits_for_digits, precision_of_bits
 
 __all__ = ["Taylor"]
 

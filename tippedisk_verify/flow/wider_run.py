@@ -21,9 +21,9 @@ import numpy
 
 from tippedisk_verify.flow.contract import Engine, ErrorEstimate, Request, Result, Status
 from tippedisk_verify.flow.start import Start
-from tippedisk_verify.model.arrays import half_widths_in_doubles, round_to_doubles
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR
-from tippedisk_verify.model.precision import DOUBLE, Precision, wider_precision
+from tippedisk_verify.numbers.arrays import half_widths_in_doubles, round_to_doubles
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
+from tippedisk_verify.numbers.precision import DOUBLE, Precision, wider_precision
 
 __all__ = ["half_widths_from_wider_run"]
 

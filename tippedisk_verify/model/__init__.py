@@ -1,1 +1,1 @@
-"""The tippedisk itself: numbers, parameters, equations. Nothing here integrates."""
+"""The tippedisk itself: parameters, friction laws, equations of motion. Nothing here integrates."""

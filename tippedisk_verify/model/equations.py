@@ -22,9 +22,9 @@ from fractions import Fraction
 from typing import Any, NamedTuple, Protocol
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import as_list, exact, short_text
 from tippedisk_verify.model.friction import FrictionLaw, law_of
 from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.numbers.exact import as_list, exact, short_text
 
 __all__ = [
     "STATE_NAMES",

@@ -25,8 +25,8 @@ from functools import lru_cache
 from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import fraction, short_text
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.exact import fraction, short_text
+from tippedisk_verify.numbers.precision import precision_of_bits
 
 __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used", "law_of"]
 

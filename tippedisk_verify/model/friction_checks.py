@@ -8,9 +8,9 @@ from types import SimpleNamespace
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.friction import FORCE_CONSTANTS, FrictionLaw, constants_used
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import rational_in_context
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
     heyoka_types,

@@ -20,14 +20,14 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, NamedTuple, NoReturn
 
+from tippedisk_verify.display import Printable, result_lines
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import PI, fraction, rational_in_context, short_text
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
 from tippedisk_verify.model.friction_checks import refuse_unusable
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import Precision
-from tippedisk_verify.model.results import Printable, result_lines
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import PI, fraction, rational_in_context, short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import Precision
 from tippedisk_verify.support.files import output_file, read_bytes, write_text
 
 __all__ = [

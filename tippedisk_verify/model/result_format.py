@@ -27,10 +27,10 @@ from pathlib import Path
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import Exact, exact, parse_long_fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import Exact, exact, parse_long_fraction
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.support.files import checked_file_path, read_text, write_text
 
 __all__ = ["RESULT_FORMAT", "read_number", "read_saved", "saved_numbers", "write_saved"]

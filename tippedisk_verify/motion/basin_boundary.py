@@ -16,6 +16,7 @@ from fractions import Fraction
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import ROTATING
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     GAMMA_TOP,
@@ -27,11 +28,10 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.basins import MAX_ABS_V
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["BasinBoundary"]
 

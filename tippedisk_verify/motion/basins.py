@@ -21,19 +21,19 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at, rotating_cycle_at
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow import default_batch_engine, default_engine
 from tippedisk_verify.flow.batch import equation_constants
 from tippedisk_verify.flow.contract import FLAT, GAMMA_TOP, SECTION, Event, Request, Status
-from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import integer_between, short_text
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE
-from tippedisk_verify.model.results import Printable
 from tippedisk_verify.motion.scenes import angle_from_inverted
+from tippedisk_verify.numbers.arrays import Array
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import integer_between, short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.support.parallel import map_of
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 

@@ -29,10 +29,12 @@ from tippedisk_verify.flow.contract import (
 )
 from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.flow.system import constant_derivatives
-from tippedisk_verify.model.arrays import half_widths_in_doubles, numpy_safe, round_to_doubles
-from tippedisk_verify.model.exact import Exact, as_list, exact, short_text
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.motion.solution import Derivative, Solution
+from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
+from tippedisk_verify.numbers.arrays import half_widths_in_doubles, numpy_safe, round_to_doubles
+from tippedisk_verify.numbers.exact import Exact, as_list, exact, short_text
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
     Precision,
@@ -41,8 +43,6 @@ from tippedisk_verify.model.precision import (
     precision_of_bits,
     wider_precision,
 )
-from tippedisk_verify.motion.solution import Derivative, Solution
-from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
 
 __all__ = ["EVENTS", "Motion"]
 

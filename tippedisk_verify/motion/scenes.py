@@ -15,12 +15,12 @@ from typing import Any, Literal
 
 import numpy
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
-from tippedisk_verify.model.exact import PI, Exact, exact, short_text
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.exact import PI, Exact, exact, short_text
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 from tippedisk_verify.theory.hopf import omega_crit
 

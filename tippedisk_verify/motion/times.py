@@ -10,9 +10,9 @@ from typing import Any, overload
 import numpy
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_decimals, round_to_place
-from tippedisk_verify.model.exact import Exact, exact, short_text
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_decimals, round_to_place
+from tippedisk_verify.numbers.exact import Exact, exact, short_text
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["EvenTimes", "decimal_time", "since_start", "span_of"]
 

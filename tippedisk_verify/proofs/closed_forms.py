@@ -38,13 +38,13 @@ from typing import Any, Literal
 
 from flint import Ordering, acb, acb_series, arb, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
+from tippedisk_verify.display import Eigenvalue, Printable, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import short_text
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.results import Eigenvalue, Printable, quantity
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.proofs.kernel.balls import (
     ball,

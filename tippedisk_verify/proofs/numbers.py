@@ -6,7 +6,7 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
 
 __all__ = ["WIDENING_FACTOR", "ball_to_measured", "widened"]

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values.entries import (
     MeasuredValues,
     Reading,

@@ -15,8 +15,8 @@ from functools import lru_cache
 
 from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.decimals import decimal_arithmetic
 
 __all__ = ["DRAWN_SET", "Draw", "decimal_text", "disk_of", "drawn_disk"]
 

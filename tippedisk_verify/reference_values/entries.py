@@ -13,9 +13,9 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.store import Reading
 

@@ -11,9 +11,9 @@ import math
 from collections.abc import Mapping
 from decimal import Decimal
 
-from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.decimals import decimal_arithmetic
 from tippedisk_verify.reference_values.store import ReferenceValue, is_optional
 
 __all__ = [

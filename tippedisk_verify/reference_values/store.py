@@ -19,11 +19,11 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
+from tippedisk_verify.display import Printable, as_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
-from tippedisk_verify.model.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.model.results import Printable, as_json
+from tippedisk_verify.numbers.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.reference_values.draws import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
 

@@ -24,10 +24,10 @@ from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.equations import STATE_NAMES, equation_terms, jacobian, shifted_ops
-from tippedisk_verify.model.exact import PI, exact, fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
+from tippedisk_verify.numbers.exact import PI, exact, fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.reference_values.draws import DRAWN_SET
 from tippedisk_verify.reference_values.entries import (
     READINGS,

@@ -15,9 +15,9 @@ from typing import Any, get_args
 from tippedisk_verify.audit.claim_catalogue import CLAIMS, group_of
 from tippedisk_verify.audit.claim_proofs import proof_of
 from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verdict, sets_with
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.display import as_json
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.model.results import as_json
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.report.digits import agreed_digits
 from tippedisk_verify.report.tasks import AuditJob
 from tippedisk_verify.support.provenance import DRAWING, processor, versions

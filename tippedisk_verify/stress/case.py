@@ -11,9 +11,9 @@ from typing import Any
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
-from tippedisk_verify.model.decimals import decimal_logarithm
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.precision import Precision, precision_of_bits
+from tippedisk_verify.numbers.decimals import decimal_logarithm
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import Precision, precision_of_bits
 
 __all__ = [
     "TRUTH_PRECISION",

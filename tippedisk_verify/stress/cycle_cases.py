@@ -14,8 +14,8 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.stress.case import CaseOutcome, StressCase, check_refusal, cycle_digits
 from tippedisk_verify.theory.hopf import omega_crit
 

@@ -15,9 +15,9 @@ from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import FLAT, Event, Request
-from tippedisk_verify.model.exact import exact
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.model.precision import QUADRUPLE, Precision, precision_of_bits
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.precision import QUADRUPLE, Precision, precision_of_bits
 from tippedisk_verify.stress.case import (
     TRUTH_PRECISION,
     CaseOutcome,

@@ -25,6 +25,7 @@ __all__ = [
 _ROOT = Path(__file__).parents[1]  # the folder of the whole package
 # The sub-packages that compute numbers.
 _COMPUTING = (
+    "numbers",
     "model",
     "theory",
     "flow",

@@ -19,13 +19,13 @@ from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.decimals import exact_text
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import checked_digits
 from tippedisk_verify.motion.integration import Motion
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
 from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 

@@ -14,14 +14,14 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, Literal, NamedTuple, get_args
 
+from tippedisk_verify.display import Eigenvalue, Printable, as_json, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, Exact, short_text
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Eigenvalue, Printable, as_json, quantity
+from tippedisk_verify.numbers.exact import PI, Exact, short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 __all__ = [

@@ -39,15 +39,15 @@ from fractions import Fraction
 from functools import lru_cache
 from typing import Literal, NamedTuple
 
+from tippedisk_verify.display import Printable, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.decimals import decimal_magnitude
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import PI, exact
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.model.precision import bits_for_digits, checked_digits
-from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import PI, exact
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits
 from tippedisk_verify.theory.real_roots import square_root
 
 __all__ = [

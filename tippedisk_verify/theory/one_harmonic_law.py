@@ -16,14 +16,14 @@ import math
 from dataclasses import dataclass
 from typing import Any, Literal, get_args
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import short_text
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.theory.hopf import frequency_ratio_squared, omega_crit_squared, period_of
 from tippedisk_verify.theory.real_roots import square_root
 

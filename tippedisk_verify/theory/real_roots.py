@@ -14,10 +14,10 @@ from fractions import Fraction
 from itertools import pairwise
 from typing import Any
 
-from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import bits_for_digits, precision_of_bits
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import bits_for_digits, precision_of_bits
 
 __all__ = ["real_roots", "square_root"]
 

@@ -32,9 +32,9 @@ import numpy
 from numpy.polynomial.polynomial import polyval
 
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import EXTENDED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 __all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles_and_v", "solve_linear"]

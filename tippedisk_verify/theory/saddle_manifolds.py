@@ -35,10 +35,10 @@ from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.model.equations import jacobian, vector_field
-from tippedisk_verify.model.exact import fraction, rational_in_context
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import precision_of_bits
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
 from tippedisk_verify.theory.power_series import SERIES_OPS, AngleSeries, PowerSeries
 

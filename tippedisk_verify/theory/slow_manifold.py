@@ -27,20 +27,20 @@ from typing import Any, NamedTuple
 
 import gmpy2
 
+from tippedisk_verify.display import Printable, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, equation_terms
-from tippedisk_verify.model.exact import (
+from tippedisk_verify.model.parameters import Constants, Parameters
+from tippedisk_verify.numbers.exact import (
     exact,
     fraction,
     integer_between,
     rational_in_context,
     short_text,
 )
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
-from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import bits_for_digits, checked_digits, precision_of_bits
-from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits, precision_of_bits
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium_state
 from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.power_series import AngleSeries, PowerSeries

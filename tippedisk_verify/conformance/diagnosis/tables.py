@@ -12,9 +12,9 @@ import numpy as np
 
 from tippedisk_verify.conformance.answer_number import as_decimal
 from tippedisk_verify.conformance.grading import Grade
-from tippedisk_verify.model.decimals import decimal_arithmetic
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.decimals import decimal_arithmetic
 from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 

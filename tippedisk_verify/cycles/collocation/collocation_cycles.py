@@ -32,14 +32,14 @@ from tippedisk_verify.cycles.collocation.fourier import (
     resample,
     samples_for,
 )
+from tippedisk_verify.display import Printable, quantity
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import fraction, integer_between, short_text
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
-from tippedisk_verify.model.results import Printable, quantity
+from tippedisk_verify.numbers.exact import fraction, integer_between, short_text
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import checked_digits
 
 __all__ = [
     "CollocationCycle",

@@ -34,9 +34,9 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.exact import rational_in_context
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import rational_in_context
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     FUNCTION_NAMES,
     bits_for_digits,

@@ -23,9 +23,9 @@ from tippedisk_verify.cycles.shooting.cycle_numbers import numbers_from_map
 from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.flow.batch import BatchTaylor
 from tippedisk_verify.flow.system import constants_of
-from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.friction import LAWS
+from tippedisk_verify.numbers.arrays import Array
 
 __all__ = ["BatchCycles", "shoot_batch"]
 

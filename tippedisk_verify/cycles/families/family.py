@@ -29,8 +29,8 @@ from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.arrays import Array
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.arrays import Array
 
 __all__ = ["CycleGuess", "Family", "SolvedCycles", "Solver", "batch_solver", "sequential_solver"]
 

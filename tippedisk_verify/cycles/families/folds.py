@@ -21,12 +21,13 @@ from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.shooting.newton import StoppingRule
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
+from tippedisk_verify.display import Printable, as_json, quantity
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     Precision,
     bits_for_digits,
@@ -34,7 +35,6 @@ from tippedisk_verify.model.precision import (
     precision_of_bits,
     wider_precision,
 )
-from tippedisk_verify.model.results import Printable, as_json, quantity
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 from tippedisk_verify.theory.hopf import (
     amplitude_law,

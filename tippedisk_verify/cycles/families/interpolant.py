@@ -32,9 +32,9 @@ from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_from_numbers
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
-from tippedisk_verify.model.arrays import Array
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.arrays import Array
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["FamilyInterpolant"]
 

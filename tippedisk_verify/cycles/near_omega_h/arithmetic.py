@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from fractions import Fraction
 
-from tippedisk_verify.model.decimals import decimal_logarithm
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.decimals import decimal_logarithm
+from tippedisk_verify.numbers.precision import (
     QUADRUPLE,
     Precision,
     bits_for_digits,

@@ -18,11 +18,11 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Sectio
 from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.errors import AccuracyError, InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import exact, short_text
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import exact, short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.support.progress import subrange
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 

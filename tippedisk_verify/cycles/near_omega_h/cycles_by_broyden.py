@@ -33,11 +33,11 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.cycles.shooting.shoot import MIN_SHOOTING_DISTANCE
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.decimals import decimal_logarithm
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, precision_of_bits
+from tippedisk_verify.numbers.decimals import decimal_logarithm
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.theory.equilibria import equilibrium
 
 __all__ = [

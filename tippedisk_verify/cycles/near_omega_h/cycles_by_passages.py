@@ -31,11 +31,11 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, Section
 from tippedisk_verify.errors import AccuracyError, NoConnectionError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, EXTENDED, precision_of_bits, wider_precision
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, precision_of_bits, wider_precision
 from tippedisk_verify.theory.equilibria import saddle_value_sign
 
 __all__ = [

@@ -23,10 +23,10 @@ from tippedisk_verify.cycles.near_omega_h.period_continuation import limit_of_cy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.exact import short_text
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import checked_digits
+from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import checked_digits
 
 __all__ = ["OMEGA_H_METHODS", "heteroclinic"]
 

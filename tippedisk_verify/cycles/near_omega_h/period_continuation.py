@@ -29,10 +29,10 @@ from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.exact import fraction, rational_in_context
-from tippedisk_verify.model.measured import HALF_WIDTH_FACTOR, Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     Precision,
     precision_of_bits,

@@ -17,10 +17,10 @@ from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import (
 )
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import EXTENDED
 
 __all__ = ["PeriodLaw", "period_law"]
 

@@ -31,9 +31,9 @@ from tippedisk_verify.cycles.shooting.section import RECORDED_BETA_EXTREME
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.flow.contract import GAMMA_TOP, SLIDING_REVERSAL, Engine, Request, Status
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import EXTENDED
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import EXTENDED
 from tippedisk_verify.theory.saddle_chart import (
     ANGLE_OPS,
     ChartFamily,

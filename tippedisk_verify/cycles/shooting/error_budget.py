@@ -38,10 +38,10 @@ from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, Return
 from tippedisk_verify.cycles.shooting.section import Section
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow.system import perturb_last_bits
-from tippedisk_verify.model.decimals import decimal_magnitude
-from tippedisk_verify.model.exact import fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.decimals import decimal_magnitude
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     Precision,
     bits_for_digits,

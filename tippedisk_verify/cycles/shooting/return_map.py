@@ -22,9 +22,9 @@ from tippedisk_verify.cycles.shooting.section import VARIATIONS, Section
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine, Request, Result, Status
 from tippedisk_verify.model.equations import shifted_ops, vector_field
-from tippedisk_verify.model.exact import fraction
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["FixedQuantity", "LinearizedReturn", "ReturnMap"]
 

@@ -22,9 +22,9 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import InputError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import DOUBLE, Precision, checked_digits
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
+from tippedisk_verify.numbers.precision import DOUBLE, Precision, checked_digits
 from tippedisk_verify.theory.one_harmonic_law import section_crossing
 
 __all__ = [

@@ -14,8 +14,8 @@ from fractions import Fraction
 from operator import sub
 from typing import Any, NamedTuple, cast
 
-from tippedisk_verify.model.decimals import exact_text, round_up
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import exact_text, round_up
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,

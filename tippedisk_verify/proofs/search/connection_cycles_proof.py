@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.exact import exact, short_text
-from tippedisk_verify.model.precision import DOUBLE
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.exact import exact, short_text
+from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (

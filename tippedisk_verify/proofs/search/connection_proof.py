@@ -19,12 +19,12 @@ from typing import Any, ClassVar, NamedTuple
 
 from flint import arb, arb_mat
 
+from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_up
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.results import Printable
+from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, round_up
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import NONINVERTED
 from tippedisk_verify.proofs.closed_forms import (
     characteristic_polynomial,

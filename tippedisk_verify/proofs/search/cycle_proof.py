@@ -16,12 +16,12 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import round_down
 from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.exact import exact
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits_for_digits
+from tippedisk_verify.numbers.decimals import round_down
+from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import bits_for_digits
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult

@@ -13,9 +13,9 @@ from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
-from tippedisk_verify.model.decimals import exact_text, round_down
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.numbers.decimals import exact_text, round_down
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.closed_forms import check_linearization, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence

@@ -14,9 +14,9 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar, Literal
 
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.precision import bits_for_digits, checked_digits
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,

@@ -11,9 +11,9 @@ from fractions import Fraction
 from typing import Any, ClassVar
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_text
-from tippedisk_verify.model.measured import Measured
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
+from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
 from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_text
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence

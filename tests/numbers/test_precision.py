@@ -14,10 +14,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import decimal_magnitude, exact_text, round_down, round_up
-from tippedisk_verify.model.exact import PI, Exact, exact, fraction
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.precision import (
+from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, round_down, round_up
+from tippedisk_verify.numbers.exact import PI, Exact, exact, fraction
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,

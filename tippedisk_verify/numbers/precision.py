@@ -17,7 +17,7 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any, Literal
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.exact import (
+from tippedisk_verify.numbers.exact import (
     PI,
     Exact,
     exact,

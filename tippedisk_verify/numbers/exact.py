@@ -115,7 +115,7 @@ class Exact:
 
 
 class Approximate:
-    """The base class of numbers with a half-width (`model.measured`); as an input such a number
+    """The base class of numbers with a half-width (`numbers.measured`); as an input such a number
     means its value.
     """
 

@@ -16,14 +16,14 @@ from functools import partialmethod
 from typing import Any
 
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.decimals import (
+from tippedisk_verify.numbers.decimals import (
     decimal_arithmetic,
     decimal_magnitude,
     exact_decimals,
     round_to_place,
     round_up,
 )
-from tippedisk_verify.model.exact import Approximate, fraction, rational_in_context, short_text
+from tippedisk_verify.numbers.exact import Approximate, fraction, rational_in_context, short_text
 
 __all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 

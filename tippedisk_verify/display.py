@@ -11,10 +11,10 @@ from html import escape
 from typing import Any, ClassVar, NamedTuple
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.decimals import exact_decimals
-from tippedisk_verify.model.exact import fraction, plain_number
-from tippedisk_verify.model.measured import Measured
-from tippedisk_verify.model.numpy_errors import ignore_numpy_errors_in_methods
+from tippedisk_verify.numbers.decimals import exact_decimals
+from tippedisk_verify.numbers.exact import fraction, plain_number
+from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
 
 __all__ = [
     "COORDINATES",

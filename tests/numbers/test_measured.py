@@ -15,8 +15,8 @@ import pytest
 
 from tests.honesty.harness import decimal
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.exact import exact, fraction, rational_in_context
-from tippedisk_verify.model.measured import Measured
+from tippedisk_verify.numbers.exact import exact, fraction, rational_in_context
+from tippedisk_verify.numbers.measured import Measured
 
 FUNCTIONS = ("sqrt", "log", "log10", "exp", "sin", "cos", "tan")
 TWO = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow)
