@@ -20,10 +20,12 @@ from tippedisk_verify import __version__
 from tippedisk_verify.commands import (
     certify,
     conformance,
+    cycles,
     heteroclinic,
-    one_disk,
+    motion,
     reference,
     studies,
+    theory,
     verify,
 )
 from tippedisk_verify.commands.help import Cli
@@ -38,7 +40,12 @@ _MAX_LINE_LENGTH = 1_000  # characters of an error message
     cls=Cli,
     sections={
         "The paper": verify.COMMANDS,
-        "One disk's motion and cycles": one_disk.COMMANDS,
+        "One disk's motion and cycles": (
+            motion.integrate,
+            *theory.COMMANDS,
+            *cycles.COMMANDS,
+            motion.basin,
+        ),
         "Omega_h": heteroclinic.COMMANDS,
         "Your implementation": (*conformance.COMMANDS, *reference.COMMANDS),
         "Proofs": certify.COMMANDS,
