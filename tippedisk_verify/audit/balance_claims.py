@@ -14,11 +14,11 @@ from tippedisk_verify.theory.expansion import derived_expansion, printed_expansi
 __all__ = ["BALANCE_CLAIMS"]
 
 
-def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> Answer:
+def _expansion_part(part: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare a part of the printed expansion with the derived one, coefficient by coefficient, for
     one set.
     """
-    constants, speed = audit.sets[name].rational_constants(), Fraction("30.4")
+    constants, speed = audit.sets[set_name].rational_constants(), Fraction("30.4")
     follows, claimed = (
         getattr(function(constants, speed), part)
         for function in (derived_expansion, printed_expansion)
@@ -32,12 +32,12 @@ def _expansion_part(part: str, audit: Audit, name: str, printed_text: str) -> An
     return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
 
 
-def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) -> Answer:
+def _balance_constant(which: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the printed kappa_1, kappa_2 or delta with the value that the expansion gives.
 
     tests/theory derives that value by projection.
     """
-    constants, speed = audit.sets[name].rational_constants(), Fraction("30.4")
+    constants, speed = audit.sets[set_name].rational_constants(), Fraction("30.4")
     square = constants.e / (constants.r + constants.e) * speed**2
     inputs = (constants, speed) if which == "delta" else (constants, speed, square)
     claimed, follows = (
@@ -46,20 +46,20 @@ def _balance_constant(which: str, audit: Audit, name: str, printed_text: str) ->
     return f"{float(claimed / follows):.4f} times the right value", claimed == follows
 
 
-def _slope(which: int, audit: Audit, name: str, printed_text: str) -> Answer:
+def _slope(which: int, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the slope of the printed one-harmonic law at the Hopf point with the true slope.
 
     The true slope follows from the first Lyapunov coefficient.
     """
-    parameters = audit.under_linear_law(name)
+    parameters = audit.under_linear_law(set_name)
     law = one_harmonic_law.hopf_slopes(parameters, "printed")[which]
     ratio = float(law) / float(hopf.hopf_point(parameters).slopes()[which])
     slope = ("d(C^2)/dOmega", "dT/dOmega")[which]
     return f"{ratio:.4f} times the right slope; {slope} at Omega_crit", abs(ratio - 1) < 1e-9
 
 
-def _supercritical(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    parameters = audit.under_linear_law(name)
+def _supercritical(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+    parameters = audit.under_linear_law(set_name)
     kind = hopf.criticality(parameters)
     return (
         f"{kind}, l_1 = {float(hopf.hopf_point(parameters).first_lyapunov_coefficient):.6g}",

@@ -313,13 +313,15 @@ def examine_claim(audit: Audit, claim: Claim) -> Finding:
     computed: dict[str, Measured | str] = {}
     holds: dict[str, bool | None] = {}
     notes = [claim.note]
-    for name in (audit.parameters.name,) if claim.own_check else audit.sets:
+    for set_name in (audit.parameters.name,) if claim.own_check else audit.sets:
         try:
-            computed[name], holds[name], *remarks = claim.examine(audit, name, claim.printed)
+            computed[set_name], holds[set_name], *remarks = claim.examine(
+                audit, set_name, claim.printed
+            )
             notes += remarks
         except (AccuracyError, ArithmeticError, InputError) as reason:
-            computed[name], holds[name] = "-", False if claim.own_check else None
-            notes.append(f"{name}: {reason}")
+            computed[set_name], holds[set_name] = "-", False if claim.own_check else None
+            notes.append(f"{set_name}: {reason}")
     return Finding(computed, holds, "; ".join(filter(None, notes)))
 
 
@@ -340,8 +342,8 @@ def printed_number(compute: Callable[[Audit, str], Measured]) -> Examination:
 def _against(
     compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], bool | None]
 ) -> Examination:
-    def examine(audit: Audit, name: str, printed: str) -> Answer:
-        answer = compute(audit, name)
+    def examine(audit: Audit, set_name: str, printed: str) -> Answer:
+        answer = compute(audit, set_name)
         return answer, agrees(answer, printed)
 
     return examine

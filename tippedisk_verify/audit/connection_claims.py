@@ -32,10 +32,10 @@ _RELATIVE_DISTANCE = Fraction(
 _START_DISTANCE = Fraction(1, 10**6)
 
 
-def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _infinite_period(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the slope of T against log(Omega - Omega_h) at the end of the family with the law."""
-    above, period, ratio = audit.period_continuation(name).law_rows(
-        float(audit.connection(name).saddle_eigenvalues[0])
+    above, period, ratio = audit.period_continuation(set_name).law_rows(
+        float(audit.connection(set_name).saddle_eigenvalues[0])
     )[-1]
     # The law's remainder may fall as slowly as D^0.2, which is about a hundredth at D = 1e-8.
     return (
@@ -44,33 +44,33 @@ def _infinite_period(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     )
 
 
-def _both_sides(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    omega_h = audit.omega_h(name).value
+def _both_sides(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+    omega_h = audit.omega_h(set_name).value
     ends = []
     for sign in (-1, 1):
         result = follow_unstable_manifold(
-            audit.sets[name], omega_h * (1 + sign * _RELATIVE_DISTANCE), audit.engine
+            audit.sets[set_name], omega_h * (1 + sign * _RELATIVE_DISTANCE), audit.engine
         )
         ends.append(result.events[-1].name if result.events else result.status.name.lower())
     holds = ends[0] in ("passes", "flat") and ends[1] == "turns back"
     return f"{ends[0]} below, {ends[1]} above", holds
 
 
-def _attracting(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
-    value = audit.connection(name).saddle_value
+def _attracting(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
+    value = audit.connection(set_name).saddle_value
     return f"{float(value):.6f} 1/s", float(value) < 0 if abs(
         value.value
     ) > value.uncertainty else None
 
 
-def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _both_connections(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that each noninverted state's unstable manifold comes close to the other state at
     Omega_h.
     """
     import numpy
 
-    parameters, omega = audit.sets[name], audit.omega_h(name).value
-    growth = audit.connection(name).saddle_eigenvalues[0].value
+    parameters, omega = audit.sets[set_name], audit.omega_h(set_name).value
+    growth = audit.connection(set_name).saddle_eigenvalues[0].value
     # Shifted angles: the states are (0, -pi, 0) and (0, pi, 0), and the symmetry is a change of
     # sign.
     direction = right_eigenvector(linearization(parameters, omega, "noninverted"), growth)
@@ -90,14 +90,17 @@ def _both_connections(audit: Audit, name: str, printed: str) -> tuple[str, bool]
     ) < 0.003
 
 
-def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _identified(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the field is the same at states a full turn of gamma apart, in 400 bits.
 
     Two of these are the noninverted states.
     """
     ctx = precision_of_bits(400).context
     rates = vector_field(
-        ctx, audit.sets[name].constants_in_context(ctx), ctx.mpf("30.4"), audit.parameters.friction
+        ctx,
+        audit.sets[set_name].constants_in_context(ctx),
+        ctx.mpf("30.4"),
+        audit.parameters.friction,
     )
     difference = ctx.mpf(0)
     for beta, gamma, v in (
@@ -110,7 +113,7 @@ def _identified(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"the field differs by {float(difference):.0e}", difference < 2.0**-300
 
 
-def _two_methods(audit: Audit, name: str, printed: str) -> Answer:
+def _two_methods(audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that two methods agree: Omega_h as the zero of the splitting and as the limit of the
     cycles.
     """

@@ -34,11 +34,11 @@ def _cycle(parameters: Parameters, engine: Engine) -> LimitCycle:
     return librating_cycle_at(parameters, _below(parameters), engine, digits=12)
 
 
-def _qualitative(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _qualitative(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the kind of Hopf point, the cycles' stability and the connection under both friction
     laws.
     """
-    parameters, crit = audit.sets[name], float(omega_crit(audit.sets[name]))
+    parameters, crit = audit.sets[set_name], float(omega_crit(audit.sets[set_name]))
     speeds = [
         float(heteroclinic(parameters.with_friction(law), audit.engine).omega_h) for law in _LAWS
     ]
@@ -70,11 +70,11 @@ def _smooth_kind(parameters: Parameters, engine: Engine) -> str:
     return "supercritical" if near.stable and far.stable and shrinks else "not supercritical"
 
 
-def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _asymptotic(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the cycles of both laws at one speed, and measure the sliding velocity on them."""
     import numpy
 
-    parameters = audit.sets[name]
+    parameters = audit.sets[set_name]
     linear, smooth = (_cycle(parameters.with_friction(law), audit.engine) for law in _LAWS)
     _, states = linear.orbit(200, engine=audit.engine)
     constants = parameters.constants_in(DOUBLE)
@@ -91,11 +91,11 @@ def _asymptotic(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     )
 
 
-def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _attractive(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that neighbours in v approach near rolling under both laws: the rates -d(v')/d(v) > 0."""
     import numpy
 
-    parameters, ranges, falling = audit.sets[name], [], []
+    parameters, ranges, falling = audit.sets[set_name], [], []
     constants, speed = parameters.constants_in(DOUBLE), float(_below(parameters))
     beta, gamma = numpy.mgrid[0.35 : math.pi - 0.35 : 24j, -math.pi / 2 : 3 * math.pi / 2 : 32j]
     v, distance = (
@@ -113,9 +113,9 @@ def _attractive(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return "; ".join(ranges), all(falling)
 
 
-def _almost_all(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _almost_all(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Find where starts with v = 0 end above Omega_crit, and check that almost all end inverted."""
-    parameters = audit.sets[name]
+    parameters = audit.sets[set_name]
     omega = omega_crit(parameters, 20).value + Fraction(1, 2)
     plane = basins(parameters, omega, count=_STATES)
     shares = plane.shares()

@@ -23,13 +23,13 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["GLOBAL_CLAIMS"]
 
 
-def _scene(scene: str, audit: Audit, name: str, printed: str) -> Answer:
+def _scene(scene: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that all orbits of a panel end as printed.
 
     Return their endings, and None if one is undecided. Orbits that are repelled from one well may
     also end on a rotating cycle.
     """
-    endings = [orbit.ending for orbit in audit.computed_scene(scene, name).orbits]
+    endings = [orbit.ending for orbit in audit.computed_scene(scene, set_name).orbits]
     expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
     undecided = any(ending.kind == "undecided" for ending in endings)
     outcome = None if undecided else all(ending.kind in expected for ending in endings)
@@ -44,13 +44,13 @@ def _ending_text(ending: Ending) -> str:
     return ending.kind
 
 
-def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _branch(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that all cycles on the branch are stable, and that amplitude and period fall as Omega
     rises.
 
     Return a summary and True if the check passes.
     """
-    cycles = sorted(audit.family(name), key=lambda cycle: cycle.omega.value)
+    cycles = sorted(audit.family(set_name), key=lambda cycle: cycle.omega.value)
     steps = list(pairwise(cycles))
     falling = all(
         a.period.value > b.period.value and a.beta_max.value > b.beta_max.value for a, b in steps
@@ -63,16 +63,16 @@ def _branch(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     )
 
 
-def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _table_2(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that shooting from the printed guess (gamma_bar, v) ends on the family's cycle.
 
     The printed T_0 is not used: the period is not an unknown of this shooting.
     """
-    speed = omega_crit(audit.sets[name], 40).value - Fraction(1, 2)
-    truth = librating_cycle_at(audit.sets[name], speed, audit.engine)
+    speed = omega_crit(audit.sets[set_name], 40).value - Fraction(1, 2)
+    truth = librating_cycle_at(audit.sets[set_name], speed, audit.engine)
     gamma_bar, v, _ = map(float, printed.removeprefix("guess ").split(", "))
     try:
-        cycle = shoot_limit_cycle(audit.sets[name], speed, audit.engine, guess=(gamma_bar, v))
+        cycle = shoot_limit_cycle(audit.sets[set_name], speed, audit.engine, guess=(gamma_bar, v))
     except NoSuchCycleError as reason:
         return f"does not converge: {reason}", False
     pairs = (
@@ -87,15 +87,15 @@ def _table_2(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
 
 
-def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _contact(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that lambda_N / (m g) is positive on the sampled orbits: below 0 the contact is lost.
 
     Return the smallest value as text, and the outcome.
     """
     import numpy
 
-    constants, smallest = audit.sets[name].constants_in(DOUBLE), math.inf
-    for panel in (audit.computed_scene(scene, name) for scene in "abcdef"):
+    constants, smallest = audit.sets[set_name].constants_in(DOUBLE), math.inf
+    for panel in (audit.computed_scene(scene, set_name) for scene in "abcdef"):
         omega = float(panel.omega)
         for orbit in panel.orbits:
             beta, gamma, v = state = orbit.states.T
@@ -107,14 +107,14 @@ def _contact(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"at least {smallest:.3g} of the weight", smallest > 0
 
 
-def _engines(audit: Audit, name: str, printed: str) -> Answer:
+def _engines(audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the Taylor engine in double with itself in extended precision and with SciPy."""
     from tippedisk_verify.flow.scipy_engine import ScipyEngine
 
     taylor = audit.engine if audit.engine.measures_error else default_engine()
     scipy = ScipyEngine("DOP853")
     # both engines have their full order under the linear law only
-    parameters = audit.under_linear_law(name)
+    parameters = audit.under_linear_law(set_name)
     crit = omega_crit(parameters, 20).value
     worst = claimed = Fraction(0)
     for share in ("0.98", "0.997", "1.016"):

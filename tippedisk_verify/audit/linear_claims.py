@@ -73,12 +73,15 @@ def table_box() -> dict[str, tuple[Fraction, Fraction]]:
     }
 
 
-def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _joint(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that a set rounds to Table 1 and gives all printed closed-form numbers."""
     pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
-    missed = [text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, name), text)]
+    missed = [
+        text for text, claim in pairs if not rounds_to(closed_form(claim)(audit, set_name), text)
+    ]
     inside = all(
-        low <= getattr(audit.sets[name], part) <= high for part, (low, high) in table_box().items()
+        low <= getattr(audit.sets[set_name], part) <= high
+        for part, (low, high) in table_box().items()
     )
     where = "inside" if inside else "outside"
     return f"{where} the rounding, misses {', '.join(missed) or 'none'}", inside and not missed
@@ -87,24 +90,24 @@ def _joint(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
 _EIGHT_SPEEDS = "exact Routh-Hurwitz in rational arithmetic at eight speeds on each side, the nearest 0.4 % away"
 
 
-def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, name: str) -> str:
+def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, set_name: str) -> str:
     """Return the stability at eight speeds on each given side of Omega_crit, exactly: "stable",
     "unstable" or both.
 
     The sides are -1 (below) and 1 (above).
     """
     # A rational within 1e-30 of Omega_crit; the shifts are far larger, so the side is certain.
-    crit = omega_crit(audit.sets[name], 30).value
+    crit = omega_crit(audit.sets[set_name], 30).value
     speeds = [crit * (1 + side * Fraction(1, 2**power)) for side in sides for power in range(1, 9)]
-    answers = {is_stable(linearization(audit.sets[name], speed, which)) for speed in speeds}
+    answers = {is_stable(linearization(audit.sets[set_name], speed, which)) for speed in speeds}
     return " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
 
 
-def _friction_free(audit: Audit, name: str) -> str:
+def _friction_free(audit: Audit, set_name: str) -> str:
     """Return "independent" if the linearisation loses its stability at the same speed for very
     different friction, otherwise "dependent".
     """
-    parameters = audit.sets[name]
+    parameters = audit.sets[set_name]
     speed = omega_crit(parameters, 40).value
     nearby = Fraction(1, 10**30)
     others = [
@@ -119,9 +122,9 @@ def _friction_free(audit: Audit, name: str) -> str:
     return "independent" if free else "dependent"
 
 
-def _square_of_sine(audit: Audit, name: str) -> str:
+def _square_of_sine(audit: Audit, set_name: str) -> str:
     """Return the reading of the printed square for which gamma_y is the contact point's velocity."""
-    c, omega, beta, gamma, v = audit.sets[name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
+    c, omega, beta, gamma, v = audit.sets[set_name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = equation_terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
@@ -132,12 +135,12 @@ def _square_of_sine(audit: Audit, name: str) -> str:
     )
 
 
-def _critical_pair(audit: Audit, name: str) -> str:
+def _critical_pair(audit: Audit, set_name: str) -> str:
     """Return the kind of the two eigenvalues whose real part changes sign at Omega_crit."""
-    crit = omega_crit(audit.sets[name], 30).value
+    crit = omega_crit(audit.sets[set_name], 30).value
     below, above = (
         equilibrium(
-            audit.sets[name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20
+            audit.sets[set_name], crit * (1 + side * Fraction(1, 1000)), "inverted", 20
         ).eigenvalues
         for side in (-1, 1)
     )
@@ -148,9 +151,9 @@ def _critical_pair(audit: Audit, name: str) -> str:
     return "complex conjugate" if conjugate else f"{len(crossing)} real"
 
 
-def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _jacobian_entries(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare A31, A32 and A33 with the derivative of the full equations, in 200 bits."""
-    ctx, parameters, speed = precision_of_bits(200).context, audit.sets[name], Fraction("30.4")
+    ctx, parameters, speed = precision_of_bits(200).context, audit.sets[set_name], Fraction("30.4")
     state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
     row = jacobian(
         ctx, parameters.constants_in_context(ctx), rational_in_context(ctx, speed), "linear"
@@ -164,11 +167,11 @@ def _jacobian_entries(audit: Audit, name: str, printed: str) -> tuple[str, bool]
     return "equal" if close else "different", close
 
 
-def _stiff_order(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _stiff_order(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the exponent of epsilon in lambda_3 - A33 is 1."""
     gaps = []
     for exponent in (4, 5):
-        changed = audit.sets[name].changed(epsilon=Fraction(1, 10**exponent))
+        changed = audit.sets[set_name].changed(epsilon=Fraction(1, 10**exponent))
         stiff = equilibrium(changed, "30.4", "inverted", 40).eigenvalues[2].re.value
         gaps.append(abs(float(stiff - linearization(changed, Fraction("30.4")).A33)))
     slope = math.log10(gaps[0] / gaps[1])

@@ -30,9 +30,9 @@ from tippedisk_verify.theory.slow_manifold import (
 __all__ = ["MANIFOLD_CLAIMS"]
 
 
-def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _rolling_correction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the paper's h_1 with the recursion's at the twenty fixed points."""
-    constants, speed = audit.sets[name].constants_in(DOUBLE), 30.4
+    constants, speed = audit.sets[set_name].constants_in(DOUBLE), 30.4
     worst = 0.0
     for beta, gamma in RESIDUAL_POINTS:
         formula = first_correction(math, constants, speed, float(beta), float(gamma))
@@ -41,8 +41,8 @@ def _rolling_correction(audit: Audit, name: str, printed: str) -> tuple[str, boo
     return f"within {worst:.0e}", worst < 1e-12  # round-off of terms up to 1e3 times the result
 
 
-def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
-    constants = audit.sets[name].constants_in(DOUBLE)
+def _attraction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+    constants = audit.sets[set_name].constants_in(DOUBLE)
     rates = [
         attraction_rate(math, constants, 0.01 * k, 0.1 * n)
         for k in range(1, 314)
@@ -51,18 +51,18 @@ def _attraction(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
     return f"{min(rates):.4g} to {max(rates):.2g} 1/s", max(rates) < 0
 
 
-def _order_0(which: EquilibriumName, audit: Audit, name: str, printed: str) -> Answer:
+def _order_0(which: EquilibriumName, audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that an equilibrium of the flow on the critical manifold is a centre.
 
     If it is a centre, the flow does not show that the equilibrium gains or loses stability.
     """
-    reduced = reduced_equilibrium(audit.sets[name], Fraction("30.4"), which, 0)
+    reduced = reduced_equilibrium(audit.sets[set_name], Fraction("30.4"), which, 0)
     # A zero trace comes out as rounding of 120 bits; at order 1 it is a thirtieth of this size.
     centre = reduced.determinant > 0 and abs(reduced.trace) < 2.0**-80 * reduced.determinant**0.5
     return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
 
 
-def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | None]:
+def _growing_series(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
     """Check whether |h_n|^(1/n) grows at (1.2, 0.3). It is bounded if the series converges.
 
     Growth over twelve terms does not disprove convergence, so the claim is then undecided.
@@ -70,7 +70,7 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
     ctx = precision_of_bits(160).context
     terms = series_orders(
         ctx,
-        audit.sets[name].constants_in_context(ctx),
+        audit.sets[set_name].constants_in_context(ctx),
         ctx.mpf("30.4"),
         ctx.mpf("1.2"),
         ctx.mpf("0.3"),
@@ -84,18 +84,20 @@ def _growing_series(audit: Audit, name: str, printed: str) -> tuple[str, bool | 
     )
 
 
-def _order_1_hopf(audit: Audit, name: str, printed: str) -> tuple[Measured, bool]:
-    speed = reduced_omega_crit(audit.under_linear_law(name), 1, 15)
-    return speed, speed.holds(omega_crit(audit.sets[name], 30).value)
+def _order_1_hopf(audit: Audit, set_name: str, printed: str) -> tuple[Measured, bool]:
+    speed = reduced_omega_crit(audit.under_linear_law(set_name), 1, 15)
+    return speed, speed.holds(omega_crit(audit.sets[set_name], 30).value)
 
 
-def _slow_variables(audit: Audit, name: str) -> str:
+def _slow_variables(audit: Audit, set_name: str) -> str:
     """Return the number of slow variables in words, such as "two-dimensional".
 
     It is the number of eigenvalues that stay bounded as epsilon tends to 0. The others are fast.
     """
     large, small = (
-        equilibrium(audit.sets[name].changed(epsilon=epsilon), "30.4", "inverted", 20).eigenvalues
+        equilibrium(
+            audit.sets[set_name].changed(epsilon=epsilon), "30.4", "inverted", 20
+        ).eigenvalues
         for epsilon in ("1e-4", "1e-5")
     )
     sizes = [
@@ -106,9 +108,9 @@ def _slow_variables(audit: Audit, name: str) -> str:
     return f"{('zero', 'one', 'two', 'three')[slow]}-dimensional"
 
 
-def _second_state(audit: Audit, name: str, printed: str) -> tuple[str, bool]:
+def _second_state(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the printed state is an equilibrium, in the model's domain, and noninverted."""
-    constants = audit.sets[name].constants_in(DOUBLE)
+    constants = audit.sets[set_name].constants_in(DOUBLE)
     state = [DOUBLE.number(exact(part)) for part in printed.strip("()").split(", ")]
     sin_beta = math.sin(state[0])
     # Rounding of the angles, times the field's derivatives of up to 1e4.
