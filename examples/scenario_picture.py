@@ -11,4 +11,4 @@ from tippedisk_verify.figures.family_figures import scenario_exhibit
 target = sys.argv[1] if len(sys.argv) > 1 else "scenario.png"
 drawing = scenario_exhibit.draw(Audit(tv.PRINTED, tv.Taylor()), ())
 drawing.figure(2).savefig(target, dpi=120)
-print(drawing.reading)
+print(drawing.caption)

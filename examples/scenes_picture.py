@@ -5,7 +5,7 @@
 import sys
 
 import tippedisk_verify as tv
-from tippedisk_verify.figures.state_space import draw_scenes_3d
+from tippedisk_verify.figures.scene_figures import draw_scenes_3d
 from tippedisk_verify.motion.scenes import compute_scene
 
 target = sys.argv[1] if len(sys.argv) > 1 else "scenes.png"

@@ -182,11 +182,11 @@ def test_closed_forms_are_proved_again(
         if claim.name in named:
             assert (proof is None) == (friction == "smooth")
             if proof is not None:  # the file's own is not spoken of
-                assert proof.grade == "proved in part"
+                assert proof.extent == "proved in part"
                 assert "my disk.toml" in proof.not_proved
         else:
             assert "my disk.toml" in proof.commands
-            assert (proof.grade == "proved") == (claim.name in PROVED["smooth"])
+            assert (proof.extent == "proved") == (claim.name in PROVED["smooth"])
         if proof is not None:
             assert all(map(_closed_form, proof.commands.values()))
             _prove(claim, finding, proof, proof.commands)
@@ -210,13 +210,13 @@ def test_closed_forms_are_proved_again(
     ],
 )
 def test_every_proof_is_proved_again(friction: Friction, wanted: set[str], parameters: str) -> None:
-    """Check the grades of all claims, and run every command for one set."""
+    """Check how much of each claim is proved, and run every command for one set."""
     found = _proofs(PRINTED.with_friction(friction), wanted)
-    grades = {name: proof.grade if proof else "computed" for name, (_, _, proof) in found.items()}
-    assert {name for name, grade in grades.items() if grade == "proved"} == PROVED[
+    extents = {name: proof.extent if proof else "computed" for name, (_, _, proof) in found.items()}
+    assert {name for name, extent in extents.items() if extent == "proved"} == PROVED[
         friction
     ] & wanted
-    assert {name for name, grade in grades.items() if grade == "proved in part"} == IN_PART[
+    assert {name for name, extent in extents.items() if extent == "proved in part"} == IN_PART[
         friction
     ] & wanted
     for claim, finding, proof in found.values():
@@ -249,7 +249,7 @@ def _of(name: str, parameters: Parameters, **answers: bool | None) -> ClaimProof
 
 
 def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
-    assert _of("supercritical", GEOMETRY).grade == "proved"
+    assert _of("supercritical", GEOMETRY).extent == "proved"
     assert _of("supercritical", GEOMETRY.with_friction("smooth")) is None
     assert _of("noninverted_unstable", PRINTED.with_friction("smooth")).friction == (
         "linear",
@@ -259,7 +259,7 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     # Theorem 6 is about both laws, and its command needs the law; Theorem 7 is about the linear
     # one.
     proof = _of("both_connections", PRINTED.with_friction("smooth"))
-    assert proof.grade == "proved"
+    assert proof.extent == "proved"
     assert (
         proof.commands["table1"]
         == "tippedisk-verify certify heteroclinic --parameters table1 --friction smooth"
@@ -275,7 +275,7 @@ def test_only_for_the_sets_and_the_law_that_the_theorem_is_about() -> None:
     assert set(_of("noninverted_unstable", PRINTED.changed(mu="0.2")).commands) == set(NAMED_SETS)
     posing = PRINTED.changed(mu="0.2", name="table1")
     assert set(_of("both_connections", posing).commands) == {"calibrated", "geometry"}
-    assert _of("both_connections", posing).grade == "proved in part"
+    assert _of("both_connections", posing).extent == "proved in part"
 
 
 def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy
 import pytest
 
-from tippedisk_verify.figures.inversion_figure import points_of
+from tippedisk_verify.figures.inversion_figure import disk_points
 from tippedisk_verify.model.equations import equation_terms
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.precision import DOUBLE
@@ -17,7 +17,7 @@ _OMEGA = 30.4
 
 def _body(at: float, beta: float, gamma: float, v: float) -> dict[str, numpy.ndarray]:
     """Return the disk a short time after it has this state, to first order in that time."""
-    return points_of(
+    return disk_points(
         PRINTED, beta + v * at, gamma - _OMEGA * math.cos(beta) * at, 0.7 + _OMEGA * at
     )
 

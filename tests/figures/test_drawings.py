@@ -7,14 +7,14 @@ from fractions import Fraction
 
 import numpy
 import pytest
+from tippedisk_verify.figures.scene_figures import last_period
 
 from tippedisk_verify.audit.claim_catalogue import claims_drawn_in
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.eigenvalue_figure import eigenvalue_rows
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.figures.family_figures import law_rows
-from tippedisk_verify.figures.inversion_figure import points_of
-from tippedisk_verify.figures.state_space import last_period
+from tippedisk_verify.figures.inversion_figure import disk_points
 from tippedisk_verify.figures.style import pyplot
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.scenes import compute_scene, scene_named
@@ -30,7 +30,7 @@ def test_the_drawn_disk_touches_the_floor_and_carries_its_mass_where_the_model_h
     beta, gamma
 ) -> None:
     """The height of S must be the model's potential over its weight, (r + e sin gamma) sin beta."""
-    points = points_of(PRINTED, beta, gamma)
+    points = disk_points(PRINTED, beta, gamma)
     turn = numpy.linspace(0, 2 * math.pi, 2000)[:, None]
     rim = points["G"] + float(PRINTED.r) * (
         numpy.cos(turn) * points["body_x"] + numpy.sin(turn) * points["body_y"]

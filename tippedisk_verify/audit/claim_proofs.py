@@ -30,8 +30,8 @@ class ClaimProof(Printable):
     commands: Mapping[str, str]  #: the commands that prove it, by parameter set
 
     @property
-    def grade(self) -> str:
-        """The grade of the proof: "proved", or "proved in part" if something is left open."""
+    def extent(self) -> str:
+        """How much is proved: "proved", or "proved in part" if something is left open."""
         return "proved in part" if self.not_proved else "proved"
 
 

@@ -123,15 +123,15 @@ def _friction_free(audit: Audit, set_name: str) -> str:
 
 
 def _square_of_sine(audit: Audit, set_name: str) -> str:
-    """Return the reading of the printed square for which gamma_y is the contact point's velocity."""
+    """Return the meaning of the printed square for which gamma_y is the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[set_name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
     velocity = equation_terms(math, c, omega, beta, gamma, v).sliding_velocity
     square = (rest - velocity) / (c.e * omega * math.cos(gamma))
-    # The two readings differ by a tenth.
-    readings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}
+    # The two meanings differ by a tenth.
+    meanings = {"(sin beta)^2": math.sin(beta) ** 2, "sin beta^2": math.sin(beta**2)}
     return next(
-        (text for text, value in readings.items() if math.isclose(value, square)), "neither"
+        (text for text, value in meanings.items() if math.isclose(value, square)), "neither"
     )
 
 

@@ -182,7 +182,7 @@ def branch(
     if certificate is not None and proof.hopf_closed:
         write_text(certificate, proof.certificate())
     if folder is not None and proof.hopf_closed:
-        from tippedisk_verify.figures.proved_family import draw_proved_family
+        from tippedisk_verify.figures.proved_family_figure import draw_proved_family
         from tippedisk_verify.figures.style import save
 
         save(draw_proved_family(proof), folder, "proved_family")

@@ -254,7 +254,7 @@ def scene(common: DiskOptions, names: Sequence[str], out: str | None, omega_h: s
 
 
 def _write_scenes(panels: Sequence[ComputedScene], folder: Path) -> None:
-    from tippedisk_verify.figures.state_space import draw_scenes_2d, draw_scenes_3d, scene_tables
+    from tippedisk_verify.figures.scene_figures import draw_scenes_2d, draw_scenes_3d, scene_tables
     from tippedisk_verify.figures.style import save
 
     save(draw_scenes_3d(panels), folder, "scenes_3d")

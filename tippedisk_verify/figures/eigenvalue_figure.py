@@ -77,7 +77,7 @@ def eigenvalue_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_eigenvalues(rows, crit, columns),
         columns=2,
-        reading=f"The real part of the pair changes sign at Omega_crit = {crit:.6g} rad/s (dotted "
+        caption=f"The real part of the pair changes sign at Omega_crit = {crit:.6g} rad/s (dotted "
         f"line); lambda_3, not "
         f"shown, stays between {min(third):.4g} and {max(third):.4g} 1/s.",
         data={"eigenvalues.csv": (header, rows)},

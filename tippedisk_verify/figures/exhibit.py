@@ -25,7 +25,7 @@ class Drawing:
 
     figure: Callable[[int], Any]  #: draws it in a given number of columns
     columns: int  #: the number of columns on a wide page
-    reading: str  #: what to see, in one line
+    caption: str  #: what to see, in one line
     data: Mapping[str, CSV]  #: everything that is drawn, by file
     facts: dict[str, Any] = field(default_factory=dict)  #: further entries of results.json
     embedded: str = "svg"  #: format on the page: svg, or webp if an svg would have megabytes
@@ -114,6 +114,6 @@ def draw_exhibit(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dic
     files |= {
         name: csv_text(header, rows).encode() for name, (header, rows) in drawing.data.items()
     }
-    entry |= {"reading": drawing.reading, "files": list(files)}
+    entry |= {"reading": drawing.caption, "files": list(files)}
     texts = {name: b64encode(content).decode() for name, content in files.items()}
     return {"entry": entry, "facts": drawing.facts, "files": texts, "embedded": embedded}

@@ -10,7 +10,7 @@ from tippedisk_verify.figures import (
     family_figures,
     inversion_figure,
     race_figure,
-    state_space,
+    scene_figures,
 )
 from tippedisk_verify.figures.exhibit import Exhibit
 
@@ -20,9 +20,9 @@ EXHIBITS: tuple[Exhibit, ...] = (
     inversion_figure.inversion_exhibit,
     eigenvalue_figure.eigenvalue_exhibit,
     family_figures.family_exhibit,
-    state_space.scenes_3d_exhibit,
+    scene_figures.scenes_3d_exhibit,
     family_figures.scenario_exhibit,
-    state_space.scenes_2d_exhibit,
+    scene_figures.scenes_2d_exhibit,
     race_figure.race_exhibit,
 )
 

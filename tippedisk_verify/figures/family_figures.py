@@ -123,7 +123,7 @@ def family_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_branch(curves, columns),
         columns=3,
-        reading=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to "
+        caption=f"From the Hopf point down to Omega = {first[0]:.6g} rad/s the amplitude grows to "
         f"{first[1]:.3g} "
         f"rad and the period to {first[2]:.3g} s; the slow multiplier is at most {largest:.4f}"
         f"{': every cycle attracts' if largest < 1 else ''}. Away from the Hopf point neither law "
@@ -260,7 +260,7 @@ def scenario_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_scenario(families, scenes, float(omega_h), columns),
         columns=2,
-        reading=f"At Omega_h = {float(omega_h):.7g} rad/s the librating cycle is glued from two "
+        caption=f"At Omega_h = {float(omega_h):.7g} rad/s the librating cycle is glued from two "
         f"that rotate, one each "
         f"way, which exist from a fold at {float(lowest):.7g} rad/s on. The unstable ones born "
         f"there continue past "

@@ -16,7 +16,7 @@ from tippedisk_verify.figures.exhibit import Drawing, Exhibit
 from tippedisk_verify.figures.style import BLACK, BLUE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 
-__all__ = ["inversion_exhibit", "points_of"]
+__all__ = ["disk_points", "inversion_exhibit"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # in units of the disk's radius, as in the set `geometry`
 _FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
@@ -25,7 +25,7 @@ _SHOWN_SECONDS = 12.0
 _ELEVATION, _AZIMUTH = 14, -62  # of the viewpoint [degrees]
 
 
-def points_of(
+def disk_points(
     parameters: Parameters, beta: float, gamma: float, alpha: float = 0.0
 ) -> dict[str, Any]:
     """Return the positions [m] of the disk's points G, S and C in a given attitude, and the frames'
@@ -129,7 +129,7 @@ def _draw_moments(parameters: Parameters, times: Any, states: Any, height: Any, 
         )
     for view, moment in zip(views, moments, strict=True):
         _draw_disk(
-            axes[view], parameters, points_of(parameters, *states[moment, :2].tolist()), zoom=1.3
+            axes[view], parameters, disk_points(parameters, *states[moment, :2].tolist()), zoom=1.3
         )
         axes[view].set_title(f"{view}  t = {times[moment]:.2f} s", y=0.98)
         curve.plot(times[moment], height[moment], "o", color=RED, ms=5, zorder=4)
@@ -167,7 +167,7 @@ def inversion_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
             audit.parameters, times, states, height, 4 if columns > 2 else 2
         ),
         columns=4,
-        reading=f"From the paper's first start, at Omega_crit + 0.5 rad/s: the centre of gravity "
+        caption=f"From the paper's first start, at Omega_crit + 0.5 rad/s: the centre of gravity "
         f"(dot) rises from "
         f"{height[0]:.4g} mm and has reached {height[-1]:.4g} mm after {times[-1]:.3g} s, on its "
         f"way to r + e = "

@@ -197,7 +197,7 @@ def race_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_race(scores, columns),
         columns=2,
-        reading=_compared(scores),
+        caption=_compared(scores),
         data={"race.csv": race_csv(scores)},
         facts={"raced_on": machine_facts()},
     )

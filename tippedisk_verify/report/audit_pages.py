@@ -11,7 +11,7 @@ from typing import Any
 
 from markupsafe import Markup, escape
 
-from tippedisk_verify.report.digits import split_at_agreement
+from tippedisk_verify.report.printed_digits import split_at_agreement
 from tippedisk_verify.report.results_json import totals_sentence, verdict_words
 from tippedisk_verify.support.web import render
 

@@ -18,7 +18,7 @@ from tippedisk_verify.audit.claims import Claim, Fault, FaultKind, Finding, Verd
 from tippedisk_verify.display import as_json
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.report.digits import agreed_digits
+from tippedisk_verify.report.printed_digits import printed_digits_reached
 from tippedisk_verify.report.tasks import AuditJob
 from tippedisk_verify.support.provenance import DRAWING, processor, versions
 
@@ -58,7 +58,7 @@ def claim_json(claim: Claim, finding: Finding, job: AuditJob) -> dict[str, Any]:
         name: digits
         for name, value in by_set.items()
         if isinstance(value, dict)
-        and (digits := agreed_digits(value["value"], claim.printed)) is not None
+        and (digits := printed_digits_reached(value["value"], claim.printed)) is not None
     }
     proof = proof_of(claim, finding, sets_with(job.parameters))
     return {
@@ -80,7 +80,7 @@ def claim_json(claim: Claim, finding: Finding, job: AuditJob) -> dict[str, Any]:
         "holds": finding.holds,
         "note": finding.note,
         "methods": list(claim.methods),
-        "grade": "computed" if proof is None else proof.grade,
+        "grade": "computed" if proof is None else proof.extent,
         "proof": None if proof is None else proof.to_dict(),
         "own_check": claim.own_check,
         "command": f"{_command(job)} --only {claim.name}",
@@ -148,8 +148,8 @@ def summary(findings: Findings) -> dict[str, Any]:
             alike.setdefault(
                 (fault.kind, fault.cause if fault.kind == "follows-from" else None), []
             ).append(claim.name)
-    job = list(get_args(FaultKind))
-    faults = sorted(alike.items(), key=lambda entry: job.index(entry[0][0]))
+    kinds = list(get_args(FaultKind))
+    faults = sorted(alike.items(), key=lambda entry: kinds.index(entry[0][0]))
     return {
         "claims": len(findings),
         **{verdict.value: counts[verdict] for verdict in Verdict},

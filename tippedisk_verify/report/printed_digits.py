@@ -6,10 +6,10 @@ from decimal import Decimal, InvalidOperation
 from fractions import Fraction
 from itertools import takewhile
 
-__all__ = ["agreed_digits", "split_at_agreement"]
+__all__ = ["printed_digits_reached", "split_at_agreement"]
 
 
-def agreed_digits(value: str, printed: str) -> tuple[int, int] | None:
+def printed_digits_reached(value: str, printed: str) -> tuple[int, int] | None:
     """Count the digits in which two decimals agree, after rounding the first to the second's last
     place.
 
@@ -44,7 +44,7 @@ def split_at_agreement(value: str, printed: str = "", longest: int = 24) -> tupl
     mantissa, e, power = value.partition("e")
     left = longest - len(e + power)
     shown = mantissa if len(mantissa) <= left else f"{mantissa[:left]}…"
-    agreed, _ = agreed_digits(value, printed) or (0, 0)
+    agreed, _ = printed_digits_reached(value, printed) or (0, 0)
     end = len(shown) - len(shown.lstrip("-0.")) if agreed else 0
     while agreed and end < len(shown):
         agreed -= shown[end].isdigit()

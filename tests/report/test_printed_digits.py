@@ -7,10 +7,10 @@ from fractions import Fraction
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from tippedisk_verify.report.printed_digits import printed_digits_reached, split_at_agreement
 
 from tippedisk_verify.audit.claims import rounds_to
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.report.digits import agreed_digits, split_at_agreement
 
 
 @pytest.mark.parametrize(
@@ -34,7 +34,7 @@ from tippedisk_verify.report.digits import agreed_digits, split_at_agreement
 def test_digits_that_agree(
     value: str, printed: str, count: tuple[int, int] | None, pieces: tuple[str, str]
 ) -> None:
-    assert agreed_digits(value, printed) == count
+    assert printed_digits_reached(value, printed) == count
     assert split_at_agreement(value, printed) == pieces
 
 
@@ -44,7 +44,7 @@ def test_digits_that_agree(
 )
 def test_all_printed_digits_agree_exactly_if_the_value_rounds_to_them(value, printed) -> None:
     assert "".join(split_at_agreement(f"{value:f}", f"{printed:f}")) == f"{value:f}"
-    count = agreed_digits(f"{value:f}", f"{printed:f}")
+    count = printed_digits_reached(f"{value:f}", f"{printed:f}")
     if count is None:
         assert printed == 0
         return

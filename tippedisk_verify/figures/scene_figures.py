@@ -303,7 +303,7 @@ def scenes_3d_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_scenes_3d(panels, columns),
         columns=2,
-        reading=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of "
+        caption=f"Orbits fall onto the grey slow manifold, near inverted spinning at a rate of "
         f"{rate:.3g} 1/s, and "
         "stay on it, until they reach the limit cycle or an equilibrium, or leave for other wells "
         "(a).",
@@ -334,7 +334,7 @@ def scenes_2d_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     return Drawing(
         figure=lambda columns: draw_scenes_2d(panels, columns),
         columns=2,
-        reading="The same orbits from above: from panel to panel the speed rises, and the cycle "
+        caption="The same orbits from above: from panel to panel the speed rises, and the cycle "
         "(green) shrinks "
         "from one that passes close by both noninverted states to none.",
         data=orbits,
