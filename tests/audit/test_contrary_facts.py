@@ -43,7 +43,7 @@ from tippedisk_verify.theory.slow_manifold import (
 true_connection = cache(heteroclinic)
 true_descent = cache(claims.PeriodContinuation)
 true_basins = cache(friction_claims.basins)
-true_cycle = friction_claims._cycle
+true_cycle = friction_claims._cycle_below_crit
 
 
 class OneDisk(Audit):
@@ -266,7 +266,7 @@ PLANTS: dict[str, Plant] = {
     ),
     "smooth_same_asymptotics": follows(
         friction_claims,
-        "_cycle",
+        "_cycle_below_crit",
         lambda parameters, engine: true_cycle(parameters.with_friction("linear"), engine),
     ),
     "almost_all_trajectories": follows(friction_claims, "basins", _all_inverted),

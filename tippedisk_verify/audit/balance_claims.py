@@ -14,7 +14,7 @@ from tippedisk_verify.theory.expansion import derived_expansion, printed_expansi
 __all__ = ["BALANCE_CLAIMS"]
 
 
-def _expansion_part(part: str, audit: Audit, set_name: str, printed: str) -> Answer:
+def _compare_expansion(part: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare a part of the printed expansion with the derived one, coefficient by coefficient, for
     one set.
     """
@@ -32,7 +32,7 @@ def _expansion_part(part: str, audit: Audit, set_name: str, printed: str) -> Ans
     return ("follows" if not wrong else "differs in " + "and ".join(words)).strip(), not wrong
 
 
-def _balance_constant(which: str, audit: Audit, set_name: str, printed: str) -> Answer:
+def _compare_balance_constant(which: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the printed kappa_1, kappa_2 or delta with the value that the expansion gives.
 
     tests/theory derives that value by projection.
@@ -46,7 +46,7 @@ def _balance_constant(which: str, audit: Audit, set_name: str, printed: str) -> 
     return f"{float(claimed / follows):.4f} times the right value", claimed == follows
 
 
-def _slope(which: int, audit: Audit, set_name: str, printed: str) -> Answer:
+def _compare_slope(which: int, audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the slope of the printed one-harmonic law at the Hopf point with the true slope.
 
     The true slope follows from the first Lyapunov coefficient.
@@ -58,7 +58,7 @@ def _slope(which: int, audit: Audit, set_name: str, printed: str) -> Answer:
     return f"{ratio:.4f} times the right slope; {slope} at Omega_crit", abs(ratio - 1) < 1e-9
 
 
-def _supercritical(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _criticality(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     parameters = audit.under_linear_law(set_name)
     kind = hopf.criticality(parameters)
     return (
@@ -67,13 +67,13 @@ def _supercritical(audit: Audit, set_name: str, printed: str) -> tuple[str, bool
     )
 
 
-def _expansion(
+def _expansion_claim(
     part: str, label: str, expanded: str, formula: str, fault: Fault | None = None
 ) -> Claim:
     """Return a claim of the catalogue: that the paper's third-order expansion of a part of the
     equations is right.
     """
-    examine = partial(_expansion_part, part)
+    examine = partial(_compare_expansion, part)
     return Claim(
         f"expansion_{part}",
         label,
@@ -90,7 +90,7 @@ _CHI_IS_RIGHT = "the paper's chi follows from the correct term, not from the pri
 
 
 BALANCE_CLAIMS: tuple[Claim, ...] = (
-    _expansion(
+    _expansion_claim(
         "mass",
         "eq:MassMatrix_3DOF_approx",
         "M-tilde is the mass matrix",
@@ -99,7 +99,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             r" + \mathcal{O}(\|\bar{z}\|^4)"
         ),
     ),
-    _expansion(
+    _expansion_claim(
         "gyroscopic",
         "eq:GyroVector_3DOF_approx",
         "h-tilde is the vector of gyroscopic forces",
@@ -117,7 +117,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             "the mixed term is -[2 (A - Bbar) + m e (r + e)] Omega v beta_bar gamma_bar",
         ),
     ),
-    _expansion(
+    _expansion_claim(
         "gravity",
         "eq:force_3DOF_approx",
         "f_G",
@@ -132,7 +132,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
             "the mixed term is -(1/2) m g e beta_bar gamma_bar^2",
         ),
     ),
-    _expansion(
+    _expansion_claim(
         "friction",
         "eq:genForce_3DOF_approx",
         "w_y lambda_Ty",
@@ -150,7 +150,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:cos_balance+1",
         "kappa_1 is the cubic part of the sine balance",
         "-2 m e (r + e)",
-        partial(_balance_constant, "kappa_1"),
+        partial(_compare_balance_constant, "kappa_1"),
         formula=(
             r"\kappa_1 = \tfrac{1}{4}\left[\bar{B} - 3A - 2 m e(r+e)\right]\Omega^2 - \tfrac{1}{2} "
             r"m(r+e)^2\omega^2"
@@ -171,7 +171,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         ),
         "kappa_2 is the cubic part of the cosine balance",
         "formula",
-        partial(_balance_constant, "kappa_2"),
+        partial(_compare_balance_constant, "kappa_2"),
         note=(
             "eqs. (27) to (30) are an ansatz, a choice that cannot fail; with D = -C Omega/omega "
             "it drops the"
@@ -193,7 +193,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:delta",
         "delta = -(1/8) (r - e)/(r + e) Omega^2",
         "-(1/8) (r - e)/(r + e) Omega^2",
-        partial(_balance_constant, "delta"),
+        partial(_compare_balance_constant, "delta"),
         formula=r"\delta = -\frac{1}{8}\,\frac{r-e}{r+e}\,\Omega^2",
         fault=Fault("follows-from", _MISSING_TERM, "delta = -(1/8) r/(r + e) Omega^2"),
     ),
@@ -214,7 +214,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:Csol",
         "C is the amplitude up to O(C^4)",
         "C + O(C^4)",
-        partial(_slope, 0),
+        partial(_compare_slope, 0),
         note="the dropped term is of the same order as those kept, so it changes the leading order",
         methods=("first Lyapunov coefficient", "closed form"),
         formula=(
@@ -232,7 +232,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "eq:omega_sol",
         "omega is the frequency of the cycle up to O(C^4)",
         "omega + O(C^4)",
-        partial(_slope, 1),
+        partial(_compare_slope, 1),
         methods=("first Lyapunov coefficient", "closed form"),
         formula=(
             r"\omega = \Omega\sqrt{\frac{e}{r+e}\left(1 + \frac{1}{2}\,\frac{r-e}{r+e}\,"
@@ -248,7 +248,7 @@ BALANCE_CLAIMS: tuple[Claim, ...] = (
         "below eq:Csol+2",
         "the Hopf bifurcation is supercritical",
         "supercritical",
-        _supercritical,
+        _criticality,
         note="the sign of A (r - 2e) - Bbar r (2r - e) / (2 (r + e)), exactly",
         formula=r"\chi\,\Omega_\text{crit}^2 + m g e(r+e) > 0",
         proof=ProofOffer(

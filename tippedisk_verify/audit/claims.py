@@ -23,6 +23,7 @@ from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclin
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
@@ -42,6 +43,7 @@ __all__ = [
     "Theorem",
     "Verdict",
     "examine_claim",
+    "measuring_engine",
     "printed_number",
     "printed_word",
     "rounds_to",
@@ -185,7 +187,7 @@ class Audit(Printable):
     def __post_init__(self) -> None:
         self.parameters.refuse_own_law("the paper's claims are examined")
 
-    def _once(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
+    def _shared(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
         """Return the shared result with this key; compute and store it when it is first needed."""
         if key not in self._results:
             self._results[key] = compute()
@@ -225,7 +227,9 @@ class Audit(Printable):
             InputError: If the set is not audited.
             AccuracyError: If it has no connection.
         """
-        return self._once(("connection", name), lambda: heteroclinic(self._set(name), self.engine))
+        return self._shared(
+            ("connection", name), lambda: heteroclinic(self._set(name), self.engine)
+        )
 
     def omega_h(self, name: str) -> Measured:
         """Return Omega_h [rad/s] of the disk with an audited parameter set.
@@ -249,7 +253,7 @@ class Audit(Printable):
             NoSuchCycleError: If there is no cycle to start from.
             AccuracyError: If the continuation fails.
         """
-        return self._once(
+        return self._shared(
             ("approach", name), lambda: PeriodContinuation(self._set(name), self.engine)
         )
 
@@ -260,7 +264,7 @@ class Audit(Printable):
         Args:
             name: The set's name.
         """
-        return self._once(
+        return self._shared(
             ("family", name),
             lambda: tuple(cycles_found(librating_branch(self._set(name), self.engine))),
         )
@@ -274,10 +278,15 @@ class Audit(Printable):
         """
         definition = scene_named(scene)
         omega_h = self.omega_h(name) if definition.base == "Omega_h" else None
-        return self._once(
+        return self._shared(
             (scene, name),
             lambda: compute_scene(definition, self._set(name), self.engine, omega_h=omega_h),
         )
+
+
+def measuring_engine(audit: Audit) -> Engine:
+    """Return the engine of an audit if it measures its error, otherwise the default engine."""
+    return audit.engine if audit.engine.measures_error else default_engine()
 
 
 def sets_with(parameters: Parameters) -> dict[str, Parameters]:
@@ -329,17 +338,17 @@ def printed_word(compute: Callable[[Audit, str], str]) -> Examination:
     """Return a function that examines a printed word of the paper: the computed word must be the
     same.
     """
-    return _against(compute, str.__eq__)
+    return _comparing(compute, str.__eq__)
 
 
 def printed_number(compute: Callable[[Audit, str], Measured]) -> Examination:
     """Return a function that examines a printed number of the paper: the computed number must round
     to it.
     """
-    return _against(compute, rounds_to)
+    return _comparing(compute, rounds_to)
 
 
-def _against(
+def _comparing(
     compute: Callable[[Audit, str], Any], agrees: Callable[[Any, str], bool | None]
 ) -> Examination:
     def examine(audit: Audit, set_name: str, printed: str) -> Answer:

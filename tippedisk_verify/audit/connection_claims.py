@@ -4,11 +4,18 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, Theorem, printed_number
+from tippedisk_verify.audit.claims import (
+    Answer,
+    Audit,
+    Claim,
+    ProofOffer,
+    Theorem,
+    measuring_engine,
+    printed_number,
+)
 from tippedisk_verify.connection.bisection import follow_unstable_manifold
 from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
-from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.numbers.exact import Exact
@@ -32,7 +39,7 @@ _RELATIVE_DISTANCE = Fraction(
 _START_DISTANCE = Fraction(1, 10**6)
 
 
-def _infinite_period(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _period_slope(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the slope of T against log(Omega - Omega_h) at the end of the family with the law."""
     above, period, ratio = audit.period_continuation(set_name).law_rows(
         float(audit.connection(set_name).saddle_eigenvalues[0])
@@ -44,7 +51,7 @@ def _infinite_period(audit: Audit, set_name: str, printed: str) -> tuple[str, bo
     )
 
 
-def _both_sides(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _manifold_on_both_sides(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     omega_h = audit.omega_h(set_name).value
     ends = []
     for sign in (-1, 1):
@@ -56,7 +63,7 @@ def _both_sides(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     return f"{ends[0]} below, {ends[1]} above", holds
 
 
-def _attracting(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
+def _sign_of_saddle_value(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
     value = audit.connection(set_name).saddle_value
     return f"{float(value):.6f} 1/s", float(value) < 0 if abs(
         value.value
@@ -90,7 +97,7 @@ def _both_connections(audit: Audit, set_name: str, printed: str) -> tuple[str, b
     ) < 0.003
 
 
-def _identified(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _field_has_period_of_gamma(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the field is the same at states a full turn of gamma apart, in 400 bits.
 
     Two of these are the noninverted states.
@@ -113,16 +120,17 @@ def _identified(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     return f"the field differs by {float(difference):.0e}", difference < 2.0**-300
 
 
-def _two_methods(audit: Audit, set_name: str, printed: str) -> Answer:
+def _omega_h_by_two_methods(audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that two methods agree: Omega_h as the zero of the splitting and as the limit of the
     cycles.
     """
-    taylor = audit.engine if audit.engine.measures_error else default_engine()
     ends, without = [], []
     for digits, method in ((12, "manifolds"), (14, "limit-cycles")):
         try:
             ends.append(
-                heteroclinic(audit.parameters, taylor, digits=digits, method=method).omega_h
+                heteroclinic(
+                    audit.parameters, measuring_engine(audit), digits=digits, method=method
+                ).omega_h
             )
         except (NoConnectionError, NoSuchCycleError) as reason:
             without.append(str(reason))
@@ -130,13 +138,13 @@ def _two_methods(audit: Audit, set_name: str, printed: str) -> Answer:
         outcome = "one method finds a connection, the other none" if ends else "no connection"
         return outcome, not ends, "; ".join(without)
     splitting, limit = ends
-    difference = abs(splitting.value - limit.value)
+    difference = splitting - limit
     note = (
-        f"the manifolds' splitting and the limit of the limit cycles lie {float(difference):.1e} rad/s "
+        f"the manifolds' splitting and the limit of the limit cycles lie {abs(float(difference)):.1e} rad/s "
         f"apart, with"
         f" half-widths of {float(splitting.uncertainty):.1e} and {float(limit.uncertainty):.1e}"
     )
-    return splitting, difference <= splitting.uncertainty + limit.uncertainty, note
+    return splitting, difference.holds(0), note
 
 
 CONNECTION_CLAIMS: tuple[Claim, ...] = (
@@ -167,7 +175,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "the period tends to infinity as Omega falls to Omega_h",
         "T_h = infinity",
-        _infinite_period,
+        _period_slope,
         note="T ~ -(2 / lambda_u) log(Omega - Omega_h), its slope at the end of double",
         methods=("shooting",),
         formula=r"T \to \infty \quad\text{as}\quad \Omega \downarrow \Omega_\text{h}",
@@ -184,7 +192,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "the periodic solution exists above Omega_h only: below, the saddle's unstable manifold "
         "leaves the well",
         "existence above",
-        _both_sides,
+        _manifold_on_both_sides,
         note=(
             "what the unstable manifold does a thousandth off Omega_h, for gamma in R, where the "
             "cycle about inverted"
@@ -221,7 +229,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "with the noninverted equilibria identified the connections are homoclinic",
         "homoclinic",
-        _identified,
+        _field_has_period_of_gamma,
         note=(
             "the field has period 2 pi in gamma, and the two states are 2 pi apart: on the "
             "cylinder both connections"
@@ -235,7 +243,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "the periodic orbit that arises at Omega_h is stable",
         "stable",
-        _attracting,
+        _sign_of_saddle_value,
         note="saddle value lambda_u + lambda_s, negative: cycles next to the connection attract, "
         "rotating ones too",
         methods=("eigenvalues",),
@@ -249,7 +257,7 @@ CONNECTION_CLAIMS: tuple[Claim, ...] = (
         "",
         "two methods for Omega_h agree",
         "",
-        _two_methods,
+        _omega_h_by_two_methods,
         methods=("manifolds", "limit-cycles"),
         own_check=True,
         unit="rad/s",

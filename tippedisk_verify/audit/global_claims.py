@@ -8,12 +8,11 @@ from fractions import Fraction
 from functools import partial
 from itertools import pairwise
 
-from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer
+from tippedisk_verify.audit.claims import Answer, Audit, Claim, ProofOffer, measuring_engine
 from tippedisk_verify.audit.connection_claims import FAMILY
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model import equations
 from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending
@@ -23,7 +22,7 @@ from tippedisk_verify.theory.hopf import omega_crit
 __all__ = ["GLOBAL_CLAIMS"]
 
 
-def _scene(scene: str, audit: Audit, set_name: str, printed: str) -> Answer:
+def _scene_endings(scene: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that all orbits of a panel end as printed.
 
     Return their endings, and None if one is undecided. Orbits that are repelled from one well may
@@ -44,7 +43,7 @@ def _ending_text(ending: Ending) -> str:
     return ending.kind
 
 
-def _branch(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _stable_and_monotone(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that all cycles on the branch are stable, and that amplitude and period fall as Omega
     rises.
 
@@ -63,7 +62,7 @@ def _branch(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     )
 
 
-def _table_2(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _guess_converges(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that shooting from the printed guess (gamma_bar, v) ends on the family's cycle.
 
     The printed T_0 is not used: the period is not an unknown of this shooting.
@@ -80,14 +79,11 @@ def _table_2(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
         (cycle.v_0, truth.v_0),
         (cycle.period, truth.period),
     )
-    same = all(
-        abs(mine.value - other.value) <= mine.uncertainty + other.uncertainty
-        for mine, other in pairs
-    )
+    same = all((mine - other).holds(0) for mine, other in pairs)
     return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
 
 
-def _contact(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _least_contact_force(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that lambda_N / (m g) is positive on the sampled orbits: below 0 the contact is lost.
 
     Return the smallest value as text, and the outcome.
@@ -107,11 +103,11 @@ def _contact(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     return f"at least {smallest:.3g} of the weight", smallest > 0
 
 
-def _engines(audit: Audit, set_name: str, printed: str) -> Answer:
+def _engines_agree(audit: Audit, set_name: str, printed: str) -> Answer:
     """Compare the Taylor engine in double with itself in extended precision and with SciPy."""
     from tippedisk_verify.flow.scipy_engine import ScipyEngine
 
-    taylor = audit.engine if audit.engine.measures_error else default_engine()
+    taylor = measuring_engine(audit)
     scipy = ScipyEngine("DOP853")
     # both engines have their full order under the linear law only
     parameters = audit.under_linear_law(set_name)
@@ -153,7 +149,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "between Omega_h and Omega_crit the periodic solution is stable; amplitude and period fall "
         "with Omega",
         "stable, monotone",
-        _branch,
+        _stable_and_monotone,
         note="at 41 speeds each multiplier lies below 1 by more than its half-width",
         methods=("shooting",),
         formula=r"|\mu_\text{slow}| < 1,\quad \frac{d\bar{\beta}_\text{max}}{d\Omega} < 0,\quad "
@@ -172,7 +168,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "tab:initail",
         "the guess at Omega_crit - 0.5 converges",
         "guess 1.69, -1.72, 1.10",
-        _table_2,
+        _guess_converges,
         note="the cycle found from the table's guess: gamma_bar_0, v_0 and T",
         methods=("shooting",),
         formula=r"(\bar{\beta}_0,\,\bar{\gamma}_0,\,\dot{\bar{\beta}}_0,\,T_0) = "
@@ -183,7 +179,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "fig:sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        partial(_scene, "a"),
+        partial(_scene_endings, "a"),
         note="orbits go on past noninverted states; the model ends where the disk lies flat",
         methods=("trajectories",),
         formula=r"\Omega = \Omega_\text{h} - 0.1",
@@ -195,7 +191,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
             f"fig:{label}",
             statement,
             ending,
-            partial(_scene, name),
+            partial(_scene_endings, name),
             note="where each orbit ends; for a cycle, gamma's amplitude at beta = pi/2",
             methods=("trajectories",),
             formula=formula,
@@ -214,7 +210,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "sec:model",
         "the disk stays in contact with the support",
         "permanent contact",
-        _contact,
+        _least_contact_force,
         note="the smallest normal force along the six scenes' orbits",
         methods=("trajectories",),
         formula=r"\frac{\lambda_N}{m g} > 0",
@@ -224,7 +220,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "",
         "two integrators that share only the equations agree",
         "",
-        _engines,
+        _engines_agree,
         methods=("taylor", "scipy-DOP853"),
         own_check=True,
         figures=("race",),

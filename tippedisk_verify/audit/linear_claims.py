@@ -73,7 +73,7 @@ def table_box() -> dict[str, tuple[Fraction, Fraction]]:
     }
 
 
-def _joint(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _table_1_gives_every_number(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that a set rounds to Table 1 and gives all printed closed-form numbers."""
     pairs = zip(printed.split(", "), _CLOSED_FORMS, strict=True)
     missed = [
@@ -103,7 +103,7 @@ def _stability(which: EquilibriumName, sides: tuple[int, ...], audit: Audit, set
     return " and ".join("stable" if answer else "unstable" for answer in sorted(answers))
 
 
-def _friction_free(audit: Audit, set_name: str) -> str:
+def _dependence_on_friction(audit: Audit, set_name: str) -> str:
     """Return "independent" if the linearisation loses its stability at the same speed for very
     different friction, otherwise "dependent".
     """
@@ -122,7 +122,7 @@ def _friction_free(audit: Audit, set_name: str) -> str:
     return "independent" if free else "dependent"
 
 
-def _square_of_sine(audit: Audit, set_name: str) -> str:
+def _meaning_of_the_square(audit: Audit, set_name: str) -> str:
     """Return the meaning of the printed square for which gamma_y is the contact point's velocity."""
     c, omega, beta, gamma, v = audit.sets[set_name].constants_in(DOUBLE), 30.4, 1.2, 0.3, 0.7
     rest = (c.r + c.e * math.sin(gamma)) * v * math.sin(beta)
@@ -135,7 +135,7 @@ def _square_of_sine(audit: Audit, set_name: str) -> str:
     )
 
 
-def _critical_pair(audit: Audit, set_name: str) -> str:
+def _kind_of_critical_pair(audit: Audit, set_name: str) -> str:
     """Return the kind of the two eigenvalues whose real part changes sign at Omega_crit."""
     crit = omega_crit(audit.sets[set_name], 30).value
     below, above = (
@@ -151,7 +151,7 @@ def _critical_pair(audit: Audit, set_name: str) -> str:
     return "complex conjugate" if conjugate else f"{len(crossing)} real"
 
 
-def _jacobian_entries(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _linearization_is_jacobian(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare A31, A32 and A33 with the derivative of the full equations, in 200 bits."""
     ctx, parameters, speed = precision_of_bits(200).context, audit.sets[set_name], Fraction("30.4")
     state = ctx.pi / 2, ctx.pi / 2, ctx.mpf(0)
@@ -167,7 +167,7 @@ def _jacobian_entries(audit: Audit, set_name: str, printed: str) -> tuple[str, b
     return "equal" if close else "different", close
 
 
-def _stiff_order(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _order_of_lambda_3(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the exponent of epsilon in lambda_3 - A33 is 1."""
     gaps = []
     for exponent in (4, 5):
@@ -184,7 +184,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "tab:dim_mass, eq:closed_la3, eq:approx_omega_crit, eq:Csol+1",
         "the printed closed-form numbers follow from Table 1",
         "30.92, 0.886, -129.04, 1.31e-7",
-        _joint,
+        _table_1_gives_every_number,
         note="yes: calibrated does, with Omega_h = 30.07 as well (claim omega_h)",
         formula=r"r,\; e,\; m,\; A,\; B \;\mapsto\; \Omega_\text{crit},\; T_\text{crit},\; "
         r"A_{33},\; \chi",
@@ -198,7 +198,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:gamma_y_3DOF",
         "gamma_y = (r + e sin gamma) v sin beta - e Omega sin beta^2 cos gamma",
         "sin beta^2",
-        printed_word(_square_of_sine),
+        printed_word(_meaning_of_the_square),
         methods=("reading", "closed form"),
         fault=Fault(
             "slip",
@@ -214,7 +214,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:3DOF_lin, eq:A_coeff_O",
         "A31, A32 and A33 linearise the equations about inverted spinning",
         "A31, A32, A33",
-        _jacobian_entries,
+        _linearization_is_jacobian,
         note="against the derivative of the full equations in 200 bits",
         formula=(
             r"A_{31} = \frac{m g}{\bar{B}}(r+e) - \Omega^2,"
@@ -239,7 +239,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:approx_omega_crit",
         "the critical speed does not depend on the friction parameters mu and epsilon",
         "independent",
-        printed_word(_friction_free),
+        printed_word(_dependence_on_friction),
         note=(
             "with mu and epsilon changed a thousandfold, stability changes within 1e-30 rad/s of "
             "the same speed (exact)"
@@ -272,7 +272,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "eq:closed_la3",
         "lambda_3 = A_33 + O(epsilon)",
         "O(epsilon)",
-        _stiff_order,
+        _order_of_lambda_3,
         note="fitted exponent of epsilon between 1e-4 and 1e-5",
         methods=("eigenvalues at 40 digits",),
         formula=r"\lambda_3 = A_{33} + \mathcal{O}(\varepsilon)",
@@ -282,7 +282,7 @@ LINEAR_CLAIMS: tuple[Claim, ...] = (
         "below eq:closed_la3",
         "a pair of convex conjugate eigenvalues crosses the imaginary axis",
         "convex conjugate",
-        printed_word(_critical_pair),
+        printed_word(_kind_of_critical_pair),
         methods=("reading", "eigenvalues at 20 digits"),
         fault=Fault("slip", "'convex' stands for 'complex'", "the pair is complex conjugate"),
         formula=r"\lambda_{1,2} = \pm i\,\omega \quad\text{at}\quad \Omega = \Omega_\text{crit}",

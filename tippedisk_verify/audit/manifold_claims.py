@@ -30,7 +30,7 @@ from tippedisk_verify.theory.slow_manifold import (
 __all__ = ["MANIFOLD_CLAIMS"]
 
 
-def _rolling_correction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _compare_first_correction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Compare the paper's h_1 with the recursion's at the twenty fixed points."""
     constants, speed = audit.sets[set_name].constants_in(DOUBLE), 30.4
     worst = 0.0
@@ -41,7 +41,7 @@ def _rolling_correction(audit: Audit, set_name: str, printed: str) -> tuple[str,
     return f"within {worst:.0e}", worst < 1e-12  # round-off of terms up to 1e3 times the result
 
 
-def _attraction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _attraction_rates(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     constants = audit.sets[set_name].constants_in(DOUBLE)
     rates = [
         attraction_rate(math, constants, 0.01 * k, 0.1 * n)
@@ -51,7 +51,7 @@ def _attraction(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     return f"{min(rates):.4g} to {max(rates):.2g} 1/s", max(rates) < 0
 
 
-def _order_0(which: EquilibriumName, audit: Audit, set_name: str, printed: str) -> Answer:
+def _kind_at_order_0(which: EquilibriumName, audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that an equilibrium of the flow on the critical manifold is a centre.
 
     If it is a centre, the flow does not show that the equilibrium gains or loses stability.
@@ -62,7 +62,7 @@ def _order_0(which: EquilibriumName, audit: Audit, set_name: str, printed: str) 
     return "a centre" if centre else "a saddle" if reduced.determinant < 0 else "a focus", centre
 
 
-def _growing_series(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
+def _growth_of_series(audit: Audit, set_name: str, printed: str) -> tuple[str, bool | None]:
     """Check whether |h_n|^(1/n) grows at (1.2, 0.3). It is bounded if the series converges.
 
     Growth over twelve terms does not disprove convergence, so the claim is then undecided.
@@ -84,12 +84,12 @@ def _growing_series(audit: Audit, set_name: str, printed: str) -> tuple[str, boo
     )
 
 
-def _order_1_hopf(audit: Audit, set_name: str, printed: str) -> tuple[Measured, bool]:
+def _hopf_speed_at_order_1(audit: Audit, set_name: str, printed: str) -> tuple[Measured, bool]:
     speed = reduced_omega_crit(audit.under_linear_law(set_name), 1, 15)
     return speed, speed.holds(omega_crit(audit.sets[set_name], 30).value)
 
 
-def _slow_variables(audit: Audit, set_name: str) -> str:
+def _slow_dimension(audit: Audit, set_name: str) -> str:
     """Return the number of slow variables in words, such as "two-dimensional".
 
     It is the number of eigenvalues that stay bounded as epsilon tends to 0. The others are fast.
@@ -108,7 +108,7 @@ def _slow_variables(audit: Audit, set_name: str) -> str:
     return f"{('zero', 'one', 'two', 'three')[slow]}-dimensional"
 
 
-def _second_state(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
+def _is_second_noninverted_state(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
     """Check that the printed state is an equilibrium, in the model's domain, and noninverted."""
     constants = audit.sets[set_name].constants_in(DOUBLE)
     state = [DOUBLE.number(exact(part)) for part in printed.strip("()").split(", ")]
@@ -128,7 +128,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "eq:slow_manifold+2",
         "the slow manifold's series in epsilon converges",
         "convergent series",
-        _growing_series,
+        _growth_of_series,
         note="the paper gives no proof; for a convergent series the values are bounded; h_n in its "
         "own unit, at"
         " (beta, gamma) = (1.2, 0.3)",
@@ -140,7 +140,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "eq:slow_manifold_tippdisk+1",
         "h_1 is the first-order term of the slow manifold",
         "formula",
-        _rolling_correction,
+        _compare_first_correction,
         note="against the recursion at twenty points",
         methods=("jets", "closed form"),
         formula=(
@@ -154,7 +154,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "eq:slow_manifold_tippdisk+3",
         "the attraction rate is strictly negative for beta in (0, pi)",
         "negative",
-        _attraction,
+        _attraction_rates,
         note="but it tends to 0 at both ends, so attraction is not uniform",
         methods=("closed form",),
         formula=(
@@ -168,7 +168,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "eq:slow_manifold_tippdisk+4",
         "the asymptotic behaviour is governed by a reduced three-dimensional system",
         "three-dimensional",
-        printed_word(_slow_variables),
+        printed_word(_slow_dimension),
         methods=("eigenvalues at 20 digits",),
         fault=Fault(
             "slip",
@@ -182,7 +182,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "sec:dynamics",
         "(3 pi/2, pi/2, 0) is the second noninverted state",
         "(3 pi/2, pi/2, 0)",
-        _second_state,
+        _is_second_noninverted_state,
         methods=("closed form",),
         fault=Fault(
             "differs",
@@ -196,7 +196,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "on the critical manifold noninverted spinning's instability cannot be seen",
         "cannot be seen",
-        partial(_order_0, "noninverted"),
+        partial(_kind_at_order_0, "noninverted"),
         methods=("jets",),
         fault=Fault(
             "differs",
@@ -211,7 +211,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "on the critical manifold the Hopf bifurcation cannot be seen",
         "cannot be seen",
-        partial(_order_0, "inverted"),
+        partial(_kind_at_order_0, "inverted"),
         note="the rolling flow conserves the height: a centre at every speed",
         methods=("jets",),
         formula=r"\dot{x} = f(x,h_c(x)) \quad\text{at}\quad (\pi/2,\,\pi/2)",
@@ -221,7 +221,7 @@ MANIFOLD_CLAIMS: tuple[Claim, ...] = (
         "sec:discussion",
         "the slow manifold up to O(epsilon) suffices to study the inversion",
         "up to O(epsilon)",
-        _order_1_hopf,
+        _hopf_speed_at_order_1,
         note="the reduced flow's Hopf speed of order 1 is Omega_crit itself",
         methods=("jets", "closed form"),
         unit="rad/s",
