@@ -15,7 +15,7 @@ from tests.command_line import printed
 from tippedisk_verify import display
 from tippedisk_verify.bench.problems import PROBLEMS
 from tippedisk_verify.cli import cli
-from tippedisk_verify.commands import common
+from tippedisk_verify.commands import tables
 from tippedisk_verify.reference_values.store import load_store
 from tippedisk_verify.theory.hopf import HopfPoint
 
@@ -165,7 +165,7 @@ def test_on_a_terminal_lines_end_between_words(
     command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     words = printed(command).split()
-    monkeypatch.setattr(common, "_width", lambda: 80)
+    monkeypatch.setattr(tables, "_width", lambda: 80)
     narrow = printed(command)
     assert narrow.split() == words or sorted(narrow.split()) == sorted(words)
     assert max(len(line) for line in narrow.splitlines() if len(line.split()) > 1) <= 80

@@ -10,7 +10,7 @@ import click
 FOLDER = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(FOLDER.parent))  # the processes that compute inherit it
 
-from tippedisk_verify.commands.common import OutputOptions, command  # noqa: E402
+from tippedisk_verify.commands.definition import OutputOptions, command  # noqa: E402
 from tippedisk_verify.commands.jobs import jobs_option, process_pool  # noqa: E402
 from tippedisk_verify.support.interrupts import handle_ctrl_c  # noqa: E402
 

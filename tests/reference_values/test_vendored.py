@@ -15,7 +15,7 @@ import pytest
 import tippedisk_verify as tv
 from reference_data.make.generation import DATA_VERSION
 from tests.command_line import answer, printed
-from tippedisk_verify.reference_values.export import export
+from tippedisk_verify.reference_values.export import write_values
 from tippedisk_verify.reference_values.grading_rules import VALUES_COLUMNS
 from tippedisk_verify.reference_values.store import (
     data_folder,
@@ -145,7 +145,7 @@ def _output(language: str, source: str, folder: Path, *arguments: object) -> lis
 def test_a_test_file_is_a_program_s(form: str, tmp_path: Path) -> None:
     known = tv.references("table1/linear/rhs/001")
     for name in ("values.h", "more.h"):
-        export(known, form, str(tmp_path / name))
+        write_values(known, form, str(tmp_path / name))
     words = _output(form, _USES[form], tmp_path)
     number = float.fromhex if form == "c" else float
     assert words[::3] == [quantity.id for quantity in known]
@@ -154,14 +154,16 @@ def test_a_test_file_is_a_program_s(form: str, tmp_path: Path) -> None:
 
 
 def test_a_julia_test_file_has_the_doubles(tmp_path: Path) -> None:
-    export(
+    write_values(
         tv.references("table1/linear/limit-cycle/crit-0.5"), "julia", str(tmp_path / "values.jl")
     )
     rows = re.findall(
         r'id = "(\S+)".* value = (\S+), tolerance = (\S+)\)', (tmp_path / "values.jl").read_text()
     )
     assert len(rows) == 10
-    export(tv.references("table1/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl"))
+    write_values(
+        tv.references("table1/linear/slow-manifold/01/"), "julia", str(tmp_path / "values.jl")
+    )
     orders = re.findall(
         r'quantity = "h_(\d)".* order = (\d)\.0, ', (tmp_path / "values.jl").read_text()
     )

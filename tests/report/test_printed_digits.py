@@ -7,10 +7,10 @@ from fractions import Fraction
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tippedisk_verify.report.printed_digits import printed_digits_reached, split_at_agreement
 
 from tippedisk_verify.audit.claims import rounds_to
 from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.report.printed_digits import printed_digits_reached, split_at_agreement
 
 
 @pytest.mark.parametrize(

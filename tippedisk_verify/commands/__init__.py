@@ -1,3 +1,7 @@
 """The commands, a module for each subject. They import the package when they run;
 `tippedisk_verify.cli` assembles them.
+
+- `definition` makes a command of a function and prints its result; `options` has the options that
+  several commands take, `jobs` those about processes, which `workers` runs.
+- `tables` breaks lines and aligns columns. `help` completes the help of all commands.
 """

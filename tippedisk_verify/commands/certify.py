@@ -11,20 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
+from tippedisk_verify.commands.definition import (
     DiskOptions,
     OutputOptions,
-    below_crit_option,
-    certificate_option,
     command,
-    decimal,
     disk_command,
     group,
+)
+from tippedisk_verify.commands.jobs import jobs_option, process_pool
+from tippedisk_verify.commands.options import (
+    below_crit_option,
+    certificate_option,
+    decimal_callback,
     lock_output_folder,
     omega_option,
     unstable_option,
 )
-from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.display import result_lines
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.support.files import printable, write_text
@@ -121,13 +123,13 @@ def orbit(
 )
 @click.option(
     "--near",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="X",
     help="Look near this speed [rad/s]; if not given, near the computed Omega_h.",
 )
 @click.option(
     "--cycles",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="D",
     help="Also prove the limit cycle of every speed up to D [rad/s] above Omega_h (rounded to 4 "
     "decimals).",
@@ -163,7 +165,7 @@ def _write_certificate(proof: Any, certificate: Path | None) -> Any:
 )
 @click.option(
     "--to",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="X",
     help="Stop at this gamma_bar_0 [rad], and leave out the end at Omega_h.",
 )

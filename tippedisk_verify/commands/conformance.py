@@ -11,16 +11,14 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    OutputOptions,
-    command,
-    group,
-    levels,
+from tippedisk_verify.commands.conformance_sources import client, grader, guide
+from tippedisk_verify.commands.definition import OutputOptions, command, group
+from tippedisk_verify.commands.options import (
+    levels_callback,
     lock_output_folder,
     option_callback,
     output_file_callback,
 )
-from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.support.files import checked_file_path, printable, read_text, write_text
 from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
@@ -66,7 +64,7 @@ _question_options = _combined_options(
     ),
     click.option(
         "--levels",
-        callback=levels,
+        callback=levels_callback,
         metavar="N-M",
         help="Levels of difficulty, such as 1-3,7; all ten if not given.",
     ),
@@ -108,7 +106,7 @@ _grading_options = _combined_options(
     ),
     click.option(
         "--require",
-        callback=levels,
+        callback=levels_callback,
         metavar="N-M",
         help="Exit with 1 if one of these levels has no answer or a wrong one.",
     ),

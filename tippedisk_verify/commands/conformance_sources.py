@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from tippedisk_verify.commands.common import OutputOptions, command
+from tippedisk_verify.commands.definition import OutputOptions, command
 from tippedisk_verify.conformance import CLIENTS_FOLDER as FOLDER
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.errors import InputError

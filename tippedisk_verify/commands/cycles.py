@@ -8,18 +8,17 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    DiskOptions,
+from tippedisk_verify.commands.definition import DiskOptions, disk_command
+from tippedisk_verify.commands.options import (
     below_crit_option,
-    decimal,
-    disk_command,
+    decimal_callback,
     half_widths_option,
     omega_option,
     output_file_callback,
     rotating_option,
-    table,
     unstable_option,
 )
+from tippedisk_verify.commands.tables import table
 from tippedisk_verify.display import column_heading, result_lines
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import require_one_speed
@@ -41,13 +40,13 @@ _BRANCH_DIGITS = 12  # of the cycles of a family
 @below_crit_option
 @click.option(
     "--above-het",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="D",
     help="The speed Omega_h + D [rad/s], with D as small as 1e-100.",
 )
 @click.option(
     "--below-het",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="D",
     help="The speed Omega_h - D [rad/s], of a rotating cycle.",
 )

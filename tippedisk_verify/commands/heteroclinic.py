@@ -10,15 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    DiskOptions,
-    disk_command,
-    half_widths_option,
-    motion_rows,
-    output_file_callback,
-    table,
-    with_width_columns,
-)
+from tippedisk_verify.commands.definition import DiskOptions, disk_command
+from tippedisk_verify.commands.options import half_widths_option, output_file_callback
+from tippedisk_verify.commands.tables import motion_rows, table, with_width_columns
 from tippedisk_verify.display import numbers_as_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.numbers.decimals import exact_text

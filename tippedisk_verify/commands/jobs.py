@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import option_callback
+from tippedisk_verify.commands.options import option_callback
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
 from tippedisk_verify.support.parallel import usable_cores

@@ -8,19 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    MOTION_COLUMNS,
-    DiskOptions,
+from tippedisk_verify.commands.definition import DiskOptions, disk_command
+from tippedisk_verify.commands.jobs import jobs_option, process_pool
+from tippedisk_verify.commands.options import (
     below_crit_option,
-    disk_command,
     half_widths_option,
     lock_output_folder,
-    motion_rows,
     omega_option,
     output_file_callback,
-    with_width_columns,
 )
-from tippedisk_verify.commands.jobs import jobs_option, process_pool
+from tippedisk_verify.commands.tables import MOTION_COLUMNS, motion_rows, with_width_columns
 from tippedisk_verify.display import result_lines
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.numbers.exact import exact

@@ -8,11 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from tippedisk_verify.commands.common import (
-    OutputOptions,
-    command,
-    group,
-)
+from tippedisk_verify.commands.definition import OutputOptions, command, group
 from tippedisk_verify.commands.jobs import jobs_option, process_pool
 from tippedisk_verify.display import column_heading
 
@@ -43,12 +39,12 @@ __all__ = ["COMMANDS"]
 def check(
     output: OutputOptions, data: str | None, all_: bool, sample: int, seed: int, jobs: int | None
 ) -> int:
-    from tippedisk_verify.reference_values.checking import check as checked
+    from tippedisk_verify.reference_values import checking
     from tippedisk_verify.reference_values.manifest import data_folder
 
     folder = data_folder() if data is None else Path(data)
     with output.progress() as advance, process_pool(jobs, needed=bool(sample) or all_) as pool:
-        report = checked(
+        report = checking.check(
             folder, sample=None if all_ else sample, seed=seed, executor=pool, advance=advance
         )
     total = (
@@ -68,7 +64,7 @@ def list_(output: OutputOptions, prefix: str) -> int:
     from tippedisk_verify.reference_values.lookup import references
     from tippedisk_verify.reference_values.manifest import data_folder, read_manifest
 
-    ids = [quantity.id for quantity in references(prefix)]
+    ids = [value.id for value in references(prefix)]
     version = read_manifest(data_folder())[0]["data_version"]
     output.show({"data_version": version, "ids": ids}, [f"# reference data {version}", *ids])
     return 0
@@ -83,11 +79,11 @@ def list_(output: OutputOptions, prefix: str) -> int:
 )
 @click.argument("ids", nargs=-1, required=True, metavar="ID...")
 def show(output: OutputOptions, ids: tuple[str, ...]) -> int:
-    from tippedisk_verify.reference_values.lookup import reference as value_of
+    from tippedisk_verify.reference_values import lookup
 
-    quantities = [value_of(id_) for id_ in ids]
-    lines = (line for quantity in quantities for line in _lines(quantity))
-    output.show({"values": [quantity.to_dict() for quantity in quantities]}, lines)
+    values = [lookup.reference(id_) for id_ in ids]
+    lines = (line for value in values for line in _lines(value))
+    output.show({"values": [value.to_dict() for value in values]}, lines)
     return 0
 
 
@@ -103,10 +99,10 @@ def show(output: OutputOptions, ids: tuple[str, ...]) -> int:
 )
 @click.option("--out", required=True, metavar="FILE", help="The file to write.")
 def export(output: OutputOptions, prefix: str, format_: str, out: str) -> int:
-    from tippedisk_verify.reference_values.export import export as exported
-    from tippedisk_verify.reference_values.lookup import references
+    from tippedisk_verify.reference_values import lookup
+    from tippedisk_verify.reference_values.export import write_values
 
-    file = exported(references(prefix), format_, out)
+    file = write_values(lookup.references(prefix), format_, out)
     output.show({"written": [str(file)]}, [file])
     return 0
 

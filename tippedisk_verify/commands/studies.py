@@ -9,22 +9,19 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    DiskOptions,
-    OutputOptions,
-    command,
-    disk_command,
-    lock_output_folder,
-    option_callback,
-    output_file_callback,
-    table,
-)
+from tippedisk_verify.commands.definition import DiskOptions, OutputOptions, command, disk_command
 from tippedisk_verify.commands.jobs import (
     checked_executor,
     jobs_option,
     process_pool,
     worker_executor,
 )
+from tippedisk_verify.commands.options import (
+    lock_output_folder,
+    option_callback,
+    output_file_callback,
+)
+from tippedisk_verify.commands.tables import table
 from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.support.files import write_csv, write_text
 from tippedisk_verify.support.parallel import results_as_completed

@@ -8,13 +8,8 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    DiskOptions,
-    below_crit_option,
-    decimal,
-    disk_command,
-    omega_option,
-)
+from tippedisk_verify.commands.definition import DiskOptions, disk_command
+from tippedisk_verify.commands.options import below_crit_option, decimal_callback, omega_option
 
 __all__ = ["COMMANDS"]
 
@@ -51,13 +46,13 @@ def hopf(common: DiskOptions) -> Any:
 )
 @click.option(
     "--omega",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="X",
     help="The spinning speed [rad/s]; Omega_crit - 0.5 if not given.",
 )
 @click.option(
     "--beta",
-    callback=decimal,
+    callback=decimal_callback,
     default="1.2",
     show_default=True,
     metavar="X",
@@ -65,7 +60,7 @@ def hopf(common: DiskOptions) -> Any:
 )
 @click.option(
     "--gamma",
-    callback=decimal,
+    callback=decimal_callback,
     default="0.3",
     show_default=True,
     metavar="X",

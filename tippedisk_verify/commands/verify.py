@@ -9,15 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from tippedisk_verify.commands.common import (
-    DiskOptions,
-    decimal,
-    disk_command,
-    lock_output_folder,
-    option_callback,
-    table,
-)
+from tippedisk_verify.commands.definition import DiskOptions, disk_command
 from tippedisk_verify.commands.jobs import checked_jobs, process_pool
+from tippedisk_verify.commands.options import decimal_callback, lock_output_folder, option_callback
+from tippedisk_verify.commands.tables import table
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.support.cache import Cache, default_folder
 from tippedisk_verify.support.files import write_csv
@@ -73,7 +68,7 @@ def verify(
     if list_:
         if out is not None or only or fresh:
             raise InputError("--list goes with no other option")
-        return _listed(common)
+        return _list_claims(common)
     from tippedisk_verify.audit.claim_catalogue import equations_named, select_claims
     from tippedisk_verify.audit.claims import Finding
     from tippedisk_verify.report.results_json import results_json, run_facts, summary
@@ -85,11 +80,11 @@ def verify(
         raise InputError("--only names no claim")
     claims = select_claims(names)
     folder = lock_output_folder(out)
-    order = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
-    tasks = tasks_for(order, figures=folder is not None)
+    job = AuditJob(common.disk, common.digits, tuple(claim.name for claim in claims))
+    tasks = tasks_for(job, figures=folder is not None)
     with common.progress(len(tasks) + (folder is not None)) as advance:
         outcomes, kept = run_tasks(
-            order,
+            job,
             tasks,
             Cache(default_folder(), fresh=fresh),
             lambda wanted: _pool(jobs, wanted),
@@ -98,7 +93,7 @@ def verify(
         records = {task.name: record for task, record in outcomes.items() if task.kind == "claim"}
         findings = [(claim, Finding.of_record(records[claim.name])) for claim in claims]
         figures = [outcomes[task] for task in tasks if task.kind == "figure"]
-        results = results_json(order, findings, figures, run_facts(began, len(tasks), len(kept)))
+        results = results_json(job, findings, figures, run_facts(began, len(tasks), len(kept)))
         if folder is not None:
             from tippedisk_verify.report.report_folder import write_report
 
@@ -106,7 +101,7 @@ def verify(
             (formulas,) = [record for task, record in outcomes.items() if task.kind == "formulas"]
             write_report(folder, results, findings, figures, formulas)
             advance("report", 1)
-    lines = list(_verdict_lines(order, findings, long, equations_named(names)))
+    lines = list(_verdict_lines(job, findings, long, equations_named(names)))
     if kept:
         lines.append(
             f"{len(kept)} of {len(tasks)} results are from earlier runs: --fresh "
@@ -130,7 +125,7 @@ def _pool(jobs: int | None, wanted: int) -> AbstractContextManager[Any]:
     return process_pool(workers) if workers > 1 else nullcontext(None)
 
 
-def _listed(common: DiskOptions) -> int:
+def _list_claims(common: DiskOptions) -> int:
     from tippedisk_verify.audit.claim_catalogue import CLAIMS
 
     width = max(len(claim.name) for claim in CLAIMS)
@@ -147,7 +142,7 @@ def _listed(common: DiskOptions) -> int:
 
 
 def _verdict_lines(
-    order: AuditJob,
+    job: AuditJob,
     findings: Sequence[tuple[Claim, Finding]],
     long: bool,
     equations: Sequence[str] = (),
@@ -165,7 +160,7 @@ def _verdict_lines(
         verdict_words,
     )
 
-    entries = [(claim, finding, claim_json(claim, finding, order)) for claim, finding in findings]
+    entries = [(claim, finding, claim_json(claim, finding, job)) for claim, finding in findings]
     for number in equations:
         for claim, _, entry in entries:
             if f"({number})" in claim.cited:
@@ -174,9 +169,11 @@ def _verdict_lines(
                     about = claim.cited.partition(", ")[0]
                     words = f" has no verdict of its own; {about}, which is derived from it, {words[2:]}"
                 yield f"eq. ({number}){words}, by the claim {claim.name}"
-    yield f"Claims ({order.parameters.name}, {order.parameters.friction} friction)"
+    yield f"Claims ({job.parameters.name}, {job.parameters.friction} friction)"
     if not (long or equations):
-        rows = [(claim.name, verdict_words(entry), _computed(entry)) for claim, _, entry in entries]
+        rows = [
+            (claim.name, verdict_words(entry), _computed_text(entry)) for claim, _, entry in entries
+        ]
         yield from table(("claim", "verdict", "computed"), rows)
         if any("(proved)" in words for _, words, _ in rows):
             yield "proved: by a theorem of docs/certified.md, whose proof is not repeated here"
@@ -201,7 +198,7 @@ def _verdict_lines(
     yield totals_sentence(summary(findings)) + "."
 
 
-def _computed(entry: dict[str, Any]) -> str:
+def _computed_text(entry: dict[str, Any]) -> str:
     """Return a text about a claim's entry: the value computed for the selected set, then the number
     in the paper.
     """
@@ -218,7 +215,7 @@ def _computed(entry: dict[str, Any]) -> str:
 @click.option("--out", metavar="DIR", help="Write the figures and CSV data there.")
 @click.option(
     "--omega-h",
-    callback=decimal,
+    callback=decimal_callback,
     metavar="X",
     help="Use this Omega_h [rad/s] instead of finding it.",
 )
@@ -249,7 +246,7 @@ def scene(common: DiskOptions, names: Sequence[str], out: str | None, omega_h: s
         "parameters": disk.name,
         "friction": disk.law.name,
     }
-    common.show(result, (line for panel in panels.values() for line in _endings(panel)))
+    common.show(result, (line for panel in panels.values() for line in _ending_lines(panel)))
     return 0
 
 
@@ -264,7 +261,7 @@ def _write_scenes(panels: Sequence[ComputedScene], folder: Path) -> None:
             write_csv(folder / name, header, rows)
 
 
-def _endings(panel: ComputedScene) -> list[str]:
+def _ending_lines(panel: ComputedScene) -> list[str]:
     """Return lines of text that tell what each orbit of a scene ends on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):

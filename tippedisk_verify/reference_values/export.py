@@ -16,7 +16,7 @@ from tippedisk_verify.reference_values.grading_rules import digits_needed, scale
 from tippedisk_verify.reference_values.store import ReferenceValue
 from tippedisk_verify.support.files import checked_file_path, output_file, write_table, write_text
 
-__all__ = ["FORMATS", "export"]
+__all__ = ["FORMATS", "write_values"]
 
 _TEXT_FIELDS = ("id", "set", "kind", "friction", "quantity", "unit", "equilibrium", "form")
 _INPUTS = (*SYMBOLS, "Omega", *STATE_NAMES, "t", "n", "order")
@@ -29,7 +29,7 @@ _MAX_NAME = 63  # characters of a name, the limit of Fortran and of MATLAB
 Row = tuple[list[str], list[float]]  #: the values of `_TEXT_FIELDS` and of `_NUMBER_FIELDS`
 
 
-def export(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
+def write_values(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
     """Write reference values to a file.
 
     A test file has the values computed from doubles, and how far an answer may be off. Its array
