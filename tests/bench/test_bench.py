@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tippedisk_verify.bench.measurement import Score, run_race, run_time_ratios
-from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, PreparedMethod
 from tippedisk_verify.bench.peers import PEERS
 from tippedisk_verify.bench.problems import problem_named
 from tippedisk_verify.figures.race_figure import draw_race
@@ -47,10 +47,10 @@ def test_errors_fall_with_the_tolerance(method: str, scores: list[Score]) -> Non
 
 
 def test_runs_that_stop_early_or_fail_are_reported_and_drawn(tmp_path: Path) -> None:
-    def broken(problem: object, setting: object) -> Prepared:
+    def broken(problem: object, setting: object) -> PreparedMethod:
         if setting == "raises":
             raise ArithmeticError("no such luck")
-        return Prepared(lambda duration: None, lambda: MethodRun("gave up", []))
+        return PreparedMethod(lambda duration: None, lambda: MethodRun("gave up", []))
 
     found = run_race([TRANSIENT], [Method("broken", "none", ("stops", "raises"), broken)])
     assert [score.status for score in found] == ["gave up", "failed: no such luck"]

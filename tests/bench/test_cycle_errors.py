@@ -16,7 +16,7 @@ from scipy.stats import linregress
 import tippedisk_verify as tv
 from tests.command_line import answer
 from tippedisk_verify.bench.measurement import Score, fitted_order, run_race
-from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, PreparedMethod
 from tippedisk_verify.bench.own_methods import user_method
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.race import program_method
@@ -217,9 +217,9 @@ def test_points_on_a_floor_are_not_fitted(
 
 def test_a_counter_is_used_if_it_rises_with_each_setting() -> None:
     def method(name: str, evaluations: dict[float, int]) -> Method:
-        def prepare(problem: Problem, setting: float) -> Prepared:
+        def prepare(problem: Problem, setting: float) -> PreparedMethod:
             run = motion(problem.omega * (1 + setting))
-            return Prepared(
+            return PreparedMethod(
                 lambda end: run(replace(problem, duration=end), setting)[-1],
                 lambda: MethodRun("reached", run(problem, setting), None, evaluations[setting]),
             )

@@ -16,7 +16,7 @@ from functools import partial
 from itertools import dropwhile
 from typing import Any, NamedTuple
 
-from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, Prepared
+from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, PreparedMethod
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.truth import Truth, compared_numbers, compute_truth
 from tippedisk_verify.display import Printable
@@ -93,11 +93,13 @@ class Order(NamedTuple):
 
 @dataclass
 class _Entry:
+    """The runs of one method at one setting on one problem."""
+
     problem: Problem
     method: Method
     setting: Any
     status: str = ""
-    prepared: Prepared | None = None
+    prepared: PreparedMethod | None = None
     outcome: MethodRun | None = None
     #: by sample index: the end of a separate run
     ends: dict[int, Any] = field(default_factory=dict)
@@ -154,7 +156,7 @@ def _timed(action: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - begin, result
 
 
-def _timed_run(prepared: Prepared, duration: float) -> tuple[float, Any]:
+def _timed_run(prepared: PreparedMethod, duration: float) -> tuple[float, Any]:
     """Run a prepared integrator once. Return the seconds of the run, by its own clock if it has
     one, and the state at the end.
     """
@@ -314,11 +316,11 @@ def run_time_ratios(scores: Sequence[Score]) -> list[dict[str, Any]]:
                 if score.problem == problem and score.error is not None and score.error <= bound
             }
             if best:
-                rows.append({"problem": problem, "error_at_most": bound} | _row(best))
+                rows.append({"problem": problem, "error_at_most": bound} | _run_time_row(best))
     return rows
 
 
-def _row(best: dict[str, Score]) -> dict[str, Any]:
+def _run_time_row(best: dict[str, Score]) -> dict[str, Any]:
     labels = {group: f"{score.method} {score.setting}" for group, score in best.items()}
     seconds = {group: score.seconds or 0.0 for group, score in best.items()}
     ours = seconds.get("heyoka")

@@ -14,11 +14,11 @@ from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model.equations import jacobian, vector_field
 from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
-__all__ = ["BENCH_METHODS", "Method", "MethodRun", "Prepared"]
+__all__ = ["BENCH_METHODS", "TOLERANCES", "Method", "MethodRun", "PreparedMethod"]
 
-# Relative and absolute tolerances, loosest first.
+#: Relative and absolute tolerances of a method for which no others are chosen, loosest first.
+TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _TAYLOR_TOLERANCES = (1e-3, 1e-5, 1e-6, 1e-7, 1e-9, 1e-11, 1e-12, 1e-13, 1e-15)
-_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 # For DOP853, the strongest of SciPy's methods.
 _FINE_TOLERANCES = (1e-4, 1e-6, 1e-7, 1e-8, 1e-9, 1e-10, 3e-11, 1e-11, 1e-12, 1e-13)
 
@@ -34,7 +34,7 @@ class MethodRun:
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedMethod:
     """An integrator set up for a problem of the comparison, ready to run."""
 
     run: Callable[[float], Any]  #: integrates to a time [s] and returns the state there
@@ -49,7 +49,8 @@ class Method:
     name: str
     family: str  #: heyoka, bare, half-widths, scipy, or the peer's name
     settings: tuple[Any, ...]  #: loosest first
-    prepare: Callable[[Problem, Any], Prepared]  #: does what is done once: compiling, allocating
+    #: does what is done once: compiling, allocating
+    prepare: Callable[[Problem, Any], PreparedMethod]
     can_solve: Callable[[Problem], bool] = lambda problem: True  #: True if it can solve the problem
     max_run_seconds: float = 0.3  #: [s]; after a longer run its tighter settings are left out
 
@@ -61,7 +62,7 @@ class Method:
         return short if float(short) == setting < 1 else f"{setting:g}"
 
 
-def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
+def _prepare_engine(engine: Engine, problem: Problem, **options: Any) -> PreparedMethod:
     plain = problem.request(**options)
     precision = plain.precision
     times = precision.array(problem.times)
@@ -78,16 +79,16 @@ def _by_engine(engine: Engine, problem: Problem, **options: Any) -> Prepared:
             plain if duration == problem.duration else replace(plain, duration=duration)
         ).state
 
-    return Prepared(run, sampled)
+    return PreparedMethod(run, sampled)
 
 
-def _engine(
+def _preparing(
     make: Callable[..., Engine], *options: str, **more: bool
-) -> Callable[[Problem, float], Prepared]:
+) -> Callable[[Problem, float], PreparedMethod]:
     """Return a function for `Method.prepare` that makes a new engine for each problem and
     tolerance.
     """
-    return lambda problem, tolerance: _by_engine(
+    return lambda problem, tolerance: _prepare_engine(
         make(*options, **more), problem, tolerance=tolerance
     )
 
@@ -101,19 +102,19 @@ _PRECISIONS = {
 _DIGITS = (12, 14, 16, 18, 20, 22, 25)  # settings of the runs with half-widths
 
 
-def _beyond_double(problem: Problem, precision: str) -> Prepared:
-    return _by_engine(Taylor(), problem, precision=_PRECISIONS[precision])
+def _beyond_double(problem: Problem, precision: str) -> PreparedMethod:
+    return _prepare_engine(Taylor(), problem, precision=_PRECISIONS[precision])
 
 
-def _with_half_widths(problem: Problem, digits: int) -> Prepared:
+def _with_half_widths(problem: Problem, digits: int) -> PreparedMethod:
     """Prepare a run with half-widths on a problem of the comparison, like that of `Disk.integrate`.
 
     It estimates the error, and beyond 12 digits removes it.
     """
-    return _by_engine(Taylor(), problem, error_estimate=True, digits=digits)
+    return _prepare_engine(Taylor(), problem, error_estimate=True, digits=digits)
 
 
-def _heyoka_alone(problem: Problem, name: str) -> Prepared:
+def _heyoka_alone(problem: Problem, name: str) -> PreparedMethod:
     """Prepare a run of heyoka alone on a problem of the comparison, as its manual shows.
 
     It shows the time that this package adds.
@@ -133,10 +134,7 @@ def _heyoka_alone(problem: Problem, name: str) -> Prepared:
         **options,
     )
 
-    def run(duration: float) -> Any:
-        return _flown([duration])[0]
-
-    def _flown(times: Sequence[float]) -> list[Any]:
+    def states_at(times: Sequence[float]) -> list[Any]:
         stepper.time = precision.number(0)
         stepper.state[:] = start
         ends = []
@@ -145,7 +143,10 @@ def _heyoka_alone(problem: Problem, name: str) -> Prepared:
             ends.append(precision.copy_array(stepper.state))
         return ends
 
-    return Prepared(run, lambda: MethodRun("reached", _flown(problem.times)))
+    return PreparedMethod(
+        lambda duration: states_at([duration])[0],
+        lambda: MethodRun("reached", states_at(problem.times)),
+    )
 
 
 def _in_symbols(problem: Problem, formula: Callable[..., Any]) -> tuple[Any, list[Any], Any]:
@@ -181,8 +182,8 @@ def _compile(problem: Problem, formula: Callable[..., Any]) -> Callable[[float, 
     return lambda t, y: function(numpy.ascontiguousarray(y)).reshape(entries.shape)
 
 
-def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
-    def prepare(problem: Problem, tolerance: float) -> Prepared:
+def _scipy_compiled(method: str) -> Callable[[Problem, float], PreparedMethod]:
+    def prepare(problem: Problem, tolerance: float) -> PreparedMethod:
         from scipy.integrate import solve_ivp
 
         rates = _compile(problem, vector_field)
@@ -208,7 +209,7 @@ def _scipy_compiled(method: str) -> Callable[[Problem, float], Prepared]:
             status = "reached" if solution.status == 0 else str(solution.message)
             return MethodRun(status, solution.y.T, None, int(solution.nfev))
 
-        return Prepared(lambda duration: solve(duration=duration).y[:, -1], sampled)
+        return PreparedMethod(lambda duration: solve(duration=duration).y[:, -1], sampled)
 
     return prepare
 
@@ -219,20 +220,20 @@ def _has_linear_law(problem: Problem) -> bool:
 
 BENCH_METHODS: tuple[Method, ...] = (
     Method("bare heyoka", "bare", tuple(_PRECISIONS), _heyoka_alone, _has_linear_law),
-    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor)),
-    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _engine(Taylor, fast_math=True)),
-    Method("taylor, high accuracy", "heyoka", (1e-13, 1e-15), _engine(Taylor, high_accuracy=True)),
+    Method("taylor", "heyoka", _TAYLOR_TOLERANCES, _preparing(Taylor)),
+    Method("taylor, fast math", "heyoka", _TAYLOR_TOLERANCES, _preparing(Taylor, fast_math=True)),
+    Method(
+        "taylor, high accuracy", "heyoka", (1e-13, 1e-15), _preparing(Taylor, high_accuracy=True)
+    ),
     Method("taylor beyond double", "heyoka", tuple(_PRECISIONS)[1:], _beyond_double),
     Method("with half-widths, digits", "half-widths", _DIGITS, _with_half_widths),
     *(
-        Method(f"scipy {name}", "scipy", _TOLERANCES, _engine(ScipyEngine, name))
+        Method(f"scipy {name}", "scipy", TOLERANCES, _preparing(ScipyEngine, name))
         for name in ("RK45", "LSODA", "Radau", "BDF")
     ),
-    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _engine(ScipyEngine, "DOP853")),
+    Method("scipy DOP853", "scipy", _FINE_TOLERANCES, _preparing(ScipyEngine, "DOP853")),
     Method(
-        "scipy DOP853, compiled", "scipy", _TOLERANCES, _scipy_compiled("DOP853"), _has_linear_law
+        "scipy DOP853, compiled", "scipy", TOLERANCES, _scipy_compiled("DOP853"), _has_linear_law
     ),
-    Method(
-        "scipy LSODA, compiled", "scipy", _TOLERANCES, _scipy_compiled("LSODA"), _has_linear_law
-    ),
+    Method("scipy LSODA, compiled", "scipy", TOLERANCES, _scipy_compiled("LSODA"), _has_linear_law),
 )

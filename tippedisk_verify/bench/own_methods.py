@@ -14,7 +14,7 @@ from typing import Any
 import numpy
 
 from tippedisk_verify.bench.measurement import Score
-from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
+from tippedisk_verify.bench.methods import TOLERANCES, Method, MethodRun, PreparedMethod
 from tippedisk_verify.bench.problems import Problem, problem_named
 from tippedisk_verify.bench.truth import compute_truth
 from tippedisk_verify.errors import InputError
@@ -23,7 +23,6 @@ from tippedisk_verify.numbers.exact import as_list, fraction, short_text
 
 __all__ = [
     "OWN_FAMILY",
-    "TOLERANCES",
     "Solver",
     "checked_states",
     "question",
@@ -35,9 +34,7 @@ __all__ = [
 Solver = Callable[[Problem, float], Any]
 #: The family of methods that users bring.
 OWN_FAMILY = "own"
-#: The tolerances at which an integrator runs if none are named, loosest first.
-TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
-_PATIENCE = 2.0  # s; after a longer run the tighter tolerances are left out
+_MAX_RUN_SECONDS = 2.0  # s; after a longer run the tighter tolerances are left out
 _COLUMNS = ("problem", "setting", "seconds")
 
 
@@ -63,13 +60,15 @@ def user_method(
     def states(problem: Problem, tolerance: float) -> Any:
         return checked_states(solver(problem, tolerance), problem)
 
-    def prepare(problem: Problem, tolerance: float) -> Prepared:
+    def prepare(problem: Problem, tolerance: float) -> PreparedMethod:
         def run(duration: float) -> Any:
             return states(replace(problem, duration=duration), tolerance)[-1]
 
-        return Prepared(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
+        return PreparedMethod(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
 
-    return Method(name, OWN_FAMILY, _settings(tolerances), prepare, max_run_seconds=_PATIENCE)
+    return Method(
+        name, OWN_FAMILY, _settings(tolerances), prepare, max_run_seconds=_MAX_RUN_SECONDS
+    )
 
 
 def _settings(tolerances: object) -> tuple[float, ...]:
@@ -141,22 +140,22 @@ def read_scores(file: Path, text: str) -> list[Score]:
             raise InputError(
                 f"answers need the columns {', '.join(_COLUMNS)}, and error or {', '.join(STATE_NAMES)}"
             )
-        return [_score_of(file.stem, row) for row in rows]
+        return [_score_in(file.stem, row) for row in rows]
     except InputError as fault:
         raise InputError(f"{file.name}, line {max(rows.line_num, 1)}: {fault}") from None
     except csv.Error as fault:
         raise InputError(f"{file.name}: {fault}") from None
 
 
-def _score_of(name: str, row: Mapping[str, str]) -> Score:
+def _score_in(name: str, row: Mapping[str, str]) -> Score:
     problem = problem_named(row["problem"])
     truth = compute_truth(problem, False)
-    seconds = _entry(row, "seconds")
+    seconds = _number_in(row, "seconds")
     if "error" in row:
-        error = _entry(row, "error")
+        error = _number_in(row, "error")
     else:
         error = max(
-            abs(_entry(row, component, true.value))
+            abs(_number_in(row, component, true.value))
             for component, true in zip(STATE_NAMES, truth.samples[-1], strict=True)
         )
     if seconds <= 0 or error < 0:
@@ -178,7 +177,7 @@ def _score_of(name: str, row: Mapping[str, str]) -> Score:
     )
 
 
-def _entry(row: Mapping[str, str], column: str, true: Fraction = Fraction(0)) -> float:
+def _number_in(row: Mapping[str, str], column: str, true: Fraction = Fraction(0)) -> float:
     """Return the number in a column of a row of a CSV file, minus its true value.
 
     The true value is zero in columns of times and errors.

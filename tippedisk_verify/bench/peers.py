@@ -15,7 +15,7 @@ from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any
 
-from tippedisk_verify.bench.methods import Method, MethodRun, Prepared
+from tippedisk_verify.bench.methods import TOLERANCES, Method, MethodRun, PreparedMethod
 from tippedisk_verify.bench.problems import Problem
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import jacobian, vector_field
@@ -23,12 +23,11 @@ from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["PEERS", "peer_methods"]
 
-_TOLERANCES = (1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 _MAX_STEPS = 1_000_000  # more than any of these runs takes
 
 
-def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
-    def prepare(problem: Problem, tolerance: float) -> Prepared:
+def _cvode(kind: str) -> Callable[[Problem, float], PreparedMethod]:
+    def prepare(problem: Problem, tolerance: float) -> PreparedMethod:
         import numpy
         from sksundae.cvode import CVODE
 
@@ -59,15 +58,15 @@ def _cvode(kind: str) -> Callable[[Problem, float], Prepared]:
             return MethodRun(status, solution.y[1:], None, int(solution.nfev))
 
         # With fewer than three times the solver would store every step.
-        return Prepared(
+        return PreparedMethod(
             lambda end: solver.solve(numpy.array([0.0, end / 2, end]), start).y[-1], sampled
         )
 
     return prepare
 
 
-def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
-    def prepare(problem: Problem, tolerance: float) -> Prepared:
+def _diffrax(name: str) -> Callable[[Problem, float], PreparedMethod]:
+    def prepare(problem: Problem, tolerance: float) -> PreparedMethod:
         import jax
 
         jax.config.update("jax_enable_x64", True)
@@ -113,13 +112,15 @@ def _diffrax(name: str) -> Callable[[Problem, float], Prepared]:
             status = "reached" if bool(reached) else "gave up before the end"
             return MethodRun(status, samples.tolist(), int(steps))
 
-        return Prepared(lambda end: to_end(start, end)[0].block_until_ready()[0].tolist(), sampled)
+        return PreparedMethod(
+            lambda end: to_end(start, end)[0].block_until_ready()[0].tolist(), sampled
+        )
 
     return prepare
 
 
-def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
-    def prepare(problem: Problem, tolerance: float) -> Prepared:
+def _numbalsoda(name: str) -> Callable[[Problem, float], PreparedMethod]:
+    def prepare(problem: Problem, tolerance: float) -> PreparedMethod:
         import numba
         import numbalsoda
         import numpy
@@ -132,7 +133,7 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
 
         solve, start = getattr(numbalsoda, name), numpy.array(problem.start)
 
-        def flown(*times: float) -> tuple[Any, bool]:
+        def states_at(*times: float) -> tuple[Any, bool]:
             return solve(  # type: ignore[no-any-return]
                 right.address,
                 start,
@@ -143,22 +144,22 @@ def _numbalsoda(name: str) -> Callable[[Problem, float], Prepared]:
             )
 
         def sampled() -> MethodRun:
-            states, reached = flown(*problem.times)
+            states, reached = states_at(*problem.times)
             return MethodRun("reached" if reached else "gave up before the end", states[1:])
 
         # Keep `right`: it owns the machine code.
-        return Prepared(lambda end: flown(end)[0][-1], sampled)
+        return PreparedMethod(lambda end: states_at(end)[0][-1], sampled)
 
     return prepare
 
 
 #: The peers, each with the module that it needs.
 PEERS = (
-    ("sksundae", Method("CVODE BDF", "cvode", _TOLERANCES, _cvode("BDF"))),
-    ("sksundae", Method("CVODE Adams", "cvode", _TOLERANCES, _cvode("Adams"))),
-    ("diffrax", Method("diffrax Dopri8", "diffrax", _TOLERANCES, _diffrax("Dopri8"))),
-    ("numbalsoda", Method("numbalsoda LSODA", "numbalsoda", _TOLERANCES, _numbalsoda("lsoda"))),
-    ("numbalsoda", Method("numbalsoda DOP853", "numbalsoda", _TOLERANCES, _numbalsoda("dop853"))),
+    ("sksundae", Method("CVODE BDF", "cvode", TOLERANCES, _cvode("BDF"))),
+    ("sksundae", Method("CVODE Adams", "cvode", TOLERANCES, _cvode("Adams"))),
+    ("diffrax", Method("diffrax Dopri8", "diffrax", TOLERANCES, _diffrax("Dopri8"))),
+    ("numbalsoda", Method("numbalsoda LSODA", "numbalsoda", TOLERANCES, _numbalsoda("lsoda"))),
+    ("numbalsoda", Method("numbalsoda DOP853", "numbalsoda", TOLERANCES, _numbalsoda("dop853"))),
 )
 
 

@@ -15,14 +15,8 @@ from pathlib import Path
 from typing import Any, get_args
 
 from tippedisk_verify.bench.measurement import Score, run_race, run_time_ratios
-from tippedisk_verify.bench.methods import BENCH_METHODS, Method
-from tippedisk_verify.bench.own_methods import (
-    TOLERANCES,
-    Solver,
-    question,
-    read_scores,
-    user_method,
-)
+from tippedisk_verify.bench.methods import BENCH_METHODS, TOLERANCES, Method
+from tippedisk_verify.bench.own_methods import Solver, question, read_scores, user_method
 from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
 from tippedisk_verify.bench.truth import cut_at_returns
 from tippedisk_verify.display import Printable, data_frame
@@ -149,10 +143,12 @@ def race(
             f"error is one of {', '.join(get_args(ErrorKind))}, not {short_text(error)}"
         )
     chosen = [
-        cut_at_returns(one if isinstance(one, Problem) else problem_named(one), error)
-        for one in as_list(problems)
+        cut_at_returns(entry if isinstance(entry, Problem) else problem_named(entry), error)
+        for entry in as_list(problems)
     ]
-    methods = [one if isinstance(one, Method) else _method_named(one) for one in as_list(against)]
+    methods = [
+        entry if isinstance(entry, Method) else _method_named(entry) for entry in as_list(against)
+    ]
     files = [_path(file) for file in as_list(answers)]
     if files and error != "state":
         raise InputError(f"files of answers have states only: leave them out for the {error}")
@@ -216,7 +212,7 @@ def program_method(
 ) -> Iterator[Method]:
     """Start a program that integrates, and yield it as a method of the race.
 
-    It reads a line of JSON with the keys of `bench.own.question` for each run. It writes one with
+    It reads a line of JSON with the keys of `bench.own_methods.question` for each run. It writes one with
     the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts.
 
     Raises InputError if the program cannot be started.

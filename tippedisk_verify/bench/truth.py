@@ -97,11 +97,11 @@ def compute_truth(problem: Problem, accurate: bool = True) -> Truth:
         [Measured.compared(a, b, working[0].epsilon) for a, b in zip(coarse, wider, strict=True)]
         for coarse, wider in (samples, numbers)
     )
-    held = cells if problem.error == "state" else compared
+    judged = cells if problem.error == "state" else compared
     return Truth(
         samples=tuple(tuple(cells[n : n + 3]) for n in range(0, len(cells), 3)),
         numbers=tuple(compared),
-        uncertainty=float(max(number.uncertainty for number in held)),
+        uncertainty=float(max(number.uncertainty for number in judged)),
         precision=working[0],
     )
 

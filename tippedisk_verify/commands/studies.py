@@ -121,7 +121,7 @@ def bench(
     found = race(
         {} if program is None else {program: program},
         problems=tuple(dict.fromkeys(only))
-        or [one for one in PROBLEMS if defines_error(one, error)],
+        or [problem for problem in PROBLEMS if defines_error(problem, error)],
         against=(*BENCH_METHODS, *(peer_methods() if peers else ())),
         answers=answers,
         error=error,

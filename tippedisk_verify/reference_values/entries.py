@@ -118,6 +118,5 @@ def disagreements(values: MeasuredValues, others: MeasuredValues) -> list[str]:
     return [
         f"{name}: {values[name]} and {other} exclude each other"
         for name, other in others.items()
-        if name in values
-        and abs(values[name].value - other.value) > values[name].uncertainty + other.uncertainty
+        if name in values and not (values[name] - other).holds(0)
     ]

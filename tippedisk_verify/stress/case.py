@@ -22,8 +22,8 @@ __all__ = [
     "StressResult",
     "check_refusal",
     "compare_flight",
+    "compare_numbers",
     "compare_results",
-    "cycle_digits",
     "double_digits_between",
 ]
 
@@ -46,7 +46,7 @@ class StressCase:
     """A stress test: a computation under hard conditions, and the outcomes that pass."""
 
     name: str
-    description: str  #: a description of it
+    description: str  #: what is hard about it
     run: Callable[[], CaseOutcome]
     required_digits: float = 0.0  #: correct digits that are required if the outcome is "digits"
     passing_outcomes: tuple[str, ...] = ("digits",)  #: the outcomes that pass
@@ -192,7 +192,7 @@ def compare_results(result: Result, reference: Result) -> CaseOutcome:
     )
 
 
-def cycle_digits(result: Any, reference: Any, names: Sequence[str]) -> CaseOutcome:
+def compare_numbers(result: Any, reference: Any, names: Sequence[str]) -> CaseOutcome:
     """Compare the numbers of two results, and return the outcome: the digits in which they agree.
 
     It is honest if the intervals of each pair overlap.
@@ -205,7 +205,7 @@ def cycle_digits(result: Any, reference: Any, names: Sequence[str]) -> CaseOutco
     digits, honest = _MAX_DIGITS, True
     for name in names:
         a, b = getattr(result, name), getattr(reference, name)
-        honest &= abs(a.value - b.value) <= a.uncertainty + b.uncertainty
+        honest &= (a - b).holds(0)
         digits = min(digits, double_digits_between(a.value, b.value))
     return CaseOutcome("digits", digits, honest)
 
