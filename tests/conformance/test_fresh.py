@@ -28,9 +28,9 @@ from tippedisk_verify.conformance.sheet import (
     store_for_sheet,
 )
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.reference_values.draws import disk_of, drawn_disk
+from tippedisk_verify.reference_values.drawn_disks import disk_of, drawn_disk
 from tippedisk_verify.reference_values.entries import ReferenceEntry, case_of, disagreements
-from tippedisk_verify.reference_values.fresh import blank_questions, with_fresh
+from tippedisk_verify.reference_values.fresh_questions import blank_questions, with_fresh
 from tippedisk_verify.reference_values.store import Store, load_store
 
 

@@ -30,12 +30,7 @@ from tippedisk_verify.reference_values.checking import (
 from tippedisk_verify.reference_values.entries import case_of, disk_in_doubles
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.store import (
-    Store,
-    data_folder,
-    load_store,
-    parse_values_csv,
-)
+from tippedisk_verify.reference_values.store import Store, data_folder, load_store, parse_values_csv
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 SETS = ("table1", "calibrated")
@@ -158,13 +153,16 @@ def test_computed_again_they_agree(kind: str, entries: int, store: Store) -> Non
     for stored in random.Random(7).sample(known, min(entries, len(known))):
         count, faults = recompute_and_compare(stored)
         assert faults == []
-        assert count == len(stored.quantities) * len(stored.entry.readings)
+        assert count == len(stored.reference_values) * len(stored.entry.readings)
 
 
 @pytest.mark.parametrize("id_", ["limit-cycle/crit-0.5", "rotating-cycle/unstable-crit+0.5"])
 def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
     (stored,) = stored_entries(store, f"table1/linear/{id_}/")
-    case, values = case_of(stored.entry, "decimals"), {q.name: float(q) for q in stored.quantities}
+    case, values = (
+        case_of(stored.entry, "decimals"),
+        {q.name: float(q) for q in stored.reference_values},
+    )
     found = shoot_known_cycle(case, values, ScipyEngine())
     names = found.return_map.section.coordinate_names
     # SciPy's tolerance is 1e-13
@@ -174,7 +172,7 @@ def test_a_cycle_is_shot_for_from_its_numbers(id_: str, store: Store) -> None:
 def test_a_false_digit_is_found(store: Store) -> None:
     (stored,) = stored_entries(store, "table1/linear/hopf/")
     changed = []
-    for quantity in stored.quantities:
+    for quantity in stored.reference_values:
         value, uncertainty = quantity.values["decimals"]
         if quantity.name == "period_slope":
             value = value[:30] + str((int(value[30]) + 5) % 10) + value[31:]

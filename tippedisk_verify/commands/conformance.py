@@ -242,7 +242,7 @@ def run(
 ) -> int:
     from tippedisk_verify.conformance.interview import Interview
     from tippedisk_verify.conformance.sheet import questions as chosen
-    from tippedisk_verify.reference_values.fresh import with_fresh
+    from tippedisk_verify.reference_values.fresh_questions import with_fresh
     from tippedisk_verify.reference_values.store import load_store
     from tippedisk_verify.support.dialogue import start_program
 
@@ -355,7 +355,7 @@ def _blank_questions(states: int | None, seed: int | None, sets: Sequence[str]) 
     Raises:
         InputError: If the options do not go together.
     """
-    from tippedisk_verify.reference_values.fresh import blank_questions
+    from tippedisk_verify.reference_values.fresh_questions import blank_questions
 
     if states is None:
         if seed is not None:

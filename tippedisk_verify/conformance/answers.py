@@ -48,7 +48,7 @@ def grade(
         )
     store = load_store()
     if any(str(id_).startswith("fresh-") for id_ in answers):
-        from tippedisk_verify.reference_values.fresh import with_fresh
+        from tippedisk_verify.reference_values.fresh_questions import with_fresh
 
         with show_progress(progress=progress) as advance:
             store = with_fresh(store, "\n".join(map(str, answers)), advance)

@@ -202,7 +202,7 @@ def store_for_sheet(
     text = read_text(path, _MAX_SHEET_BYTES)
     if "fresh-" not in text:
         return store
-    from tippedisk_verify.reference_values.fresh import with_fresh
+    from tippedisk_verify.reference_values.fresh_questions import with_fresh
 
     return with_fresh(store, text.replace("\\/", "/"), advance)  # as some languages write JSON
 

@@ -3,7 +3,8 @@
 - `manifest` finds the data files and compares each with its hash. `store` reads the values.
 - `lookup` finds a value by its id. `export` writes values in other formats.
 - `entries` defines what questions are about. `truths` computes their answers.
-- `draws` and `fresh` make new questions from a seed. `checking` computes published values again.
+- `drawn_disks` and `fresh_questions` make new questions from a seed. `checking` computes published
+  values again.
 - `grading_rules` has the digits required at each level, the scale of an error, and the columns of
   sheets.
 

@@ -54,11 +54,14 @@ class StoredEntry:
     """An entry of the reference data, with the stored numbers that belong to it."""
 
     entry: ReferenceEntry
-    quantities: tuple[ReferenceValue, ...]
+    reference_values: tuple[ReferenceValue, ...]
 
     def values(self, reading: Reading) -> MeasuredValues:
         """Return the stored numbers for one reading of the inputs, by name."""
-        return {quantity.name: quantity.measured(reading) for quantity in self.quantities}
+        return {
+            reference_value.name: reference_value.measured(reading)
+            for reference_value in self.reference_values
+        }
 
 
 def stored_entries(store: Store, prefix: str = "") -> list[StoredEntry]:
@@ -73,13 +76,15 @@ def stored_entries(store: Store, prefix: str = "") -> list[StoredEntry]:
     """
     entries = []
     for id_, group in groupby(
-        store.matching(prefix), key=lambda quantity: quantity.id.rsplit("/", 1)[0]
+        store.matching(prefix), key=lambda reference_value: reference_value.id.rsplit("/", 1)[0]
     ):
-        quantities = tuple(group)
+        reference_values = tuple(group)
         entries.append(
             StoredEntry(
-                ReferenceEntry(id_, dict(quantities[0].inputs), tuple(quantities[0].values)),
-                quantities,
+                ReferenceEntry(
+                    id_, dict(reference_values[0].inputs), tuple(reference_values[0].values)
+                ),
+                reference_values,
             )
         )
     return entries
@@ -129,7 +134,7 @@ def check(
         recomputed += count
         faults += wrong
         advance(stored.entry.id, 1)
-    numbers = sum(len(quantity.values) for quantity in store.values())
+    numbers = sum(len(reference_value.values) for reference_value in store.values())
     return CheckReport(len(DATA_FILES), numbers, recomputed, tuple(faults))
 
 
@@ -141,18 +146,18 @@ def _faults_in_rows(folder: Path, store: Store) -> list[str]:
     """
     faults = []
     rows = parse_values_csv(verified_texts(folder, ["values.csv"])["values.csv"])
-    for row, quantity in zip(rows, store.values(), strict=True):
-        derived = values_csv_row(store.parameters[quantity.set], quantity)
+    for row, reference_value in zip(rows, store.values(), strict=True):
+        derived = values_csv_row(store.parameters[reference_value.set], reference_value)
         faults += [
-            f"{quantity.id}: {name} does not follow from the other columns"
+            f"{reference_value.id}: {name} does not follow from the other columns"
             for name, text in derived.items()
             if text != row[name]
         ]
-        proof = quantity.proof
-        if proof and not quantity.measured().contains(
+        proof = reference_value.proof
+        if proof and not reference_value.measured().contains(
             Measured.of(proof["value"], proof["uncertainty"])
         ):
-            faults.append(f"{quantity.id} does not contain its proved enclosure")
+            faults.append(f"{reference_value.id} does not contain its proved enclosure")
     return faults
 
 
@@ -160,8 +165,8 @@ def _random_sample(entries: list[StoredEntry], sample: int | None, seed: int) ->
     if sample is None:
         return entries
     draw = random.Random(seed)
-    cheap = [stored for stored in entries if stored.quantities[0].level <= _CHEAP_LEVEL]
-    costly = [stored for stored in entries if stored.quantities[0].level > _CHEAP_LEVEL]
+    cheap = [stored for stored in entries if stored.reference_values[0].level <= _CHEAP_LEVEL]
+    costly = [stored for stored in entries if stored.reference_values[0].level > _CHEAP_LEVEL]
     few = min(len(costly), -(-sample // 20))
     return draw.sample(cheap, min(len(cheap), sample - few)) + draw.sample(costly, few)
 

@@ -16,7 +16,7 @@ from tippedisk_verify.disk import Disk
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.drawn_disks import disk_of
 from tippedisk_verify.reference_values.store import Reading
 
 __all__ = [

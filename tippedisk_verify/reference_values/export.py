@@ -11,7 +11,7 @@ from pathlib import Path
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
-from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.drawn_disks import disk_of
 from tippedisk_verify.reference_values.grading_rules import digits_needed, scale_of, values_csv_row
 from tippedisk_verify.reference_values.store import ReferenceValue
 from tippedisk_verify.support.files import checked_file_path, output_file, write_table, write_text
@@ -29,14 +29,14 @@ _MAX_NAME = 63  # characters of a name, the limit of Fortran and of MATLAB
 Row = tuple[list[str], list[float]]  #: the values of `_TEXT_FIELDS` and of `_NUMBER_FIELDS`
 
 
-def write_values(quantities: Sequence[ReferenceValue], form: str, path: str) -> Path:
+def write_values(reference_values: Sequence[ReferenceValue], form: str, path: str) -> Path:
     """Write reference values to a file.
 
     A test file has the values computed from doubles, and how far an answer may be off. Its array
     (in Fortran its module) is named after the file: tippedisk_hopf in hopf.h.
 
     Args:
-        quantities: The values.
+        reference_values: The values.
         form: The format, one of `FORMATS`.
         path: The file's path.
 
@@ -51,13 +51,21 @@ def write_values(quantities: Sequence[ReferenceValue], form: str, path: str) -> 
         raise InputError(f"a form is one of {', '.join(FORMATS)}, not '{form[:40]}'")
     if form in ("csv", "parquet"):
         return write_table(
-            checked_file_path(path, f".{form}"), [_csv_row(quantity) for quantity in quantities]
+            checked_file_path(path, f".{form}"),
+            [_csv_row(reference_value) for reference_value in reference_values],
         )
     file = output_file(path)
     if form == "jsonl":
-        lines = (json.dumps(quantity.to_dict(), ensure_ascii=False) for quantity in quantities)
+        lines = (
+            json.dumps(reference_value.to_dict(), ensure_ascii=False)
+            for reference_value in reference_values
+        )
         return write_text(file, "".join(f"{line}\n" for line in lines))
-    rows = [_test_file_row(quantity) for quantity in quantities if "doubles" in quantity.values]
+    rows = [
+        _test_file_row(reference_value)
+        for reference_value in reference_values
+        if "doubles" in reference_value.values
+    ]
     if not rows:
         raise InputError(
             "doubles cannot tell the inputs of these values apart: a test file would be empty"

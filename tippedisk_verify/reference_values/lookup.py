@@ -31,9 +31,9 @@ def references(prefix: str = "", *, reading: Reading = "decimals") -> list[Refer
     prefix = full_id(prefix)
     store = _store_with_fresh(prefix)
     found = [
-        q.read_from(reading)
-        for q in store.matching(prefix)
-        if reading != "doubles" or reading in q.values
+        reference_value.read_from(reading)
+        for reference_value in store.matching(prefix)
+        if reading != "doubles" or reading in reference_value.values
     ]
     if not found:
         raise InputError(
@@ -55,12 +55,12 @@ def reference(id_: str, *, reading: Reading = "decimals") -> ReferenceValue:
     if not isinstance(id_, str):
         raise InputError(f"the id of a reference value is a string, not {type(id_).__name__}")
     id_ = full_id(id_)
-    quantity = _store_with_fresh(id_).get(id_)
-    if quantity is None:
+    reference_value = _store_with_fresh(id_).get(id_)
+    if reference_value is None:
         near = _similar_ids(id_[:200])
         hint = f"; did you mean {' or '.join(near)}?" if near else "; `reference list` shows them"
         raise InputError(f"no reference value '{id_[:100]}'{hint}")
-    return quantity.read_from(reading)
+    return reference_value.read_from(reading)
 
 
 def full_id(id_: str) -> str:
@@ -89,7 +89,7 @@ def _store_with_fresh(prefix: str) -> Store:
     """
     if not prefix.startswith("fresh-"):
         return load_store()
-    from tippedisk_verify.reference_values.fresh import (  # slow to import
+    from tippedisk_verify.reference_values.fresh_questions import (  # slow to import
         fresh_entry_ids,
         with_fresh,
     )

@@ -24,7 +24,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.numbers.measured import Bounded, HalfWidth, Measured
-from tippedisk_verify.reference_values.draws import disk_of
+from tippedisk_verify.reference_values.drawn_disks import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
 
 __all__ = [
@@ -157,7 +157,7 @@ class ReferenceValue(Printable, Bounded):
         """Return a reference value and its half-width alone, without its inputs and grade.
 
         Args:
-            reading: The reading; if None, the one that this quantity stands for.
+            reading: The reading; if None, the one that this value stands for.
 
         Raises:
             InputError: If there is no value for that reading.
@@ -257,7 +257,7 @@ class Store(Mapping[str, ReferenceValue]):
         texts = verified_texts(folder, ("values.csv", "proofs.json"))
         try:
             proofs, rows = json.loads(texts["proofs.json"]), parse_values_csv(texts["values.csv"])
-            self._quantities = {row["id"]: reference_value_of(row, proofs) for row in rows}
+            self._by_id = {row["id"]: reference_value_of(row, proofs) for row in rows}
             self._optional: dict[str, ReferenceValue] = {}
         except (KeyError, TypeError, AttributeError, ValueError, RecursionError, csv.Error):
             raise InputError(
@@ -267,10 +267,10 @@ class Store(Mapping[str, ReferenceValue]):
             raise InputError(f"there are no reference values in {folder}")
 
     @classmethod
-    def of(cls, quantities: Iterable[ReferenceValue]) -> Store:
+    def of(cls, reference_values: Iterable[ReferenceValue]) -> Store:
         """Return a store that holds the given reference values."""
         store = cls.__new__(cls)
-        store._quantities = {quantity.id: quantity for quantity in quantities}
+        store._by_id = {reference_value.id: reference_value for reference_value in reference_values}
         store._optional = {}
         return store
 
@@ -287,34 +287,38 @@ class Store(Mapping[str, ReferenceValue]):
         """
         return {
             name: disk_of(name).decimals()
-            for name in {quantity.set: 0 for quantity in self.values()}
+            for name in {reference_value.set: 0 for reference_value in self.values()}
         }
 
     def __getitem__(self, id_: str) -> ReferenceValue:
         if not is_optional(id_):
-            return self._quantities[id_]
+            return self._by_id[id_]
         if id_ not in self._optional:
             from tippedisk_verify.reference_values.truths import optional_quantities
 
-            mass = self._quantities[_mass_id(id_)]
-            self._optional |= {one.id: one for one in optional_quantities(mass)}
+            mass = self._by_id[_mass_id(id_)]
+            self._optional |= {optional.id: optional for optional in optional_quantities(mass)}
         return self._optional[id_]
 
     def __contains__(self, id_: object) -> bool:
         """Return True if the store has a reference value or an optional quantity with this id,
         without computing it.
         """
-        return (_mass_id(str(id_)) if is_optional(id_) else id_) in self._quantities
+        return (_mass_id(str(id_)) if is_optional(id_) else id_) in self._by_id
 
     def __iter__(self) -> Iterator[str]:
-        return iter(self._quantities)
+        return iter(self._by_id)
 
     def __len__(self) -> int:
-        return len(self._quantities)
+        return len(self._by_id)
 
     def matching(self, prefix: str) -> list[ReferenceValue]:
         """Return the reference values whose id starts with ``prefix``."""
-        return [quantity for id_, quantity in self._quantities.items() if id_.startswith(prefix)]
+        return [
+            reference_value
+            for id_, reference_value in self._by_id.items()
+            if id_.startswith(prefix)
+        ]
 
 
 def parse_values_csv(text: str) -> list[dict[str, str]]:

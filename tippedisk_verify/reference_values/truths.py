@@ -28,7 +28,7 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.numbers.exact import PI, exact, fraction, rational_in_context
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
-from tippedisk_verify.reference_values.draws import DRAWN_SET
+from tippedisk_verify.reference_values.drawn_disks import DRAWN_SET
 from tippedisk_verify.reference_values.entries import (
     READINGS,
     STORED_DIGITS,
@@ -55,6 +55,7 @@ __all__ = [
     "FixedToleranceEngine",
     "Sensitivities",
     "as_reference_value",
+    "as_reference_values",
     "cross_check_values",
     "evaluate_in_two_precisions",
     "omega_h_values",
@@ -215,6 +216,34 @@ def as_reference_value(
     )
 
 
+def as_reference_values(
+    entry: ReferenceEntry,
+    names: Iterable[str],
+    values: Mapping[Reading, MeasuredValues],
+    slopes: Sensitivities,
+) -> list[ReferenceValue]:
+    """Return the computed numbers of an entry as reference values of `STORED_DIGITS` digits.
+
+    Args:
+        entry: The entry.
+        names: The names of the quantities.
+        values: The numbers by reading, then by name.
+        slopes: The sensitivities by name.
+    """
+    return [
+        as_reference_value(
+            entry,
+            name,
+            {
+                reading: rounded_to_digits(numbers[name], STORED_DIGITS).decimals()
+                for reading, numbers in values.items()
+            },
+            slopes[name],
+        )
+        for name in names
+    ]
+
+
 # ------------------------------------------------------------------------------------ closed forms
 def _right_hand_side(case: Case, ctx: Any, shift: bool = False) -> dict[str, Any]:
     """Compute the terms of the paper's equations as printed, and the Jacobian, at the state of an
@@ -269,18 +298,7 @@ def optional_quantities(reference_value: ReferenceValue) -> list[ReferenceValue]
     slopes = sensitivities_by_differences(
         cases["decimals"], lambda moved: _optional_terms(moved, fp), _STEP_IN_DOUBLE
     )
-    return [
-        as_reference_value(
-            entry,
-            name,
-            {
-                reading: rounded_to_digits(values[reading][name], STORED_DIGITS).decimals()
-                for reading in READINGS
-            },
-            slopes[name],
-        )
-        for name in OPTIONAL_QUANTITIES
-    ]
+    return as_reference_values(entry, OPTIONAL_QUANTITIES, values, slopes)
 
 
 def _equilibrium(case: Case, digits: int) -> MeasuredValues:

@@ -15,17 +15,20 @@ from functools import lru_cache
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import Friction
-from tippedisk_verify.reference_values.draws import DRAWN_SET, Draw, drawn_disk
+from tippedisk_verify.reference_values.drawn_disks import DRAWN_SET, Draw, drawn_disk
 from tippedisk_verify.reference_values.entries import (
     READINGS,
-    STORED_DIGITS,
     Reading,
     ReferenceEntry,
     case_of,
-    rounded_to_digits,
 )
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
-from tippedisk_verify.reference_values.truths import as_reference_value, sensitivities, true_values
+from tippedisk_verify.reference_values.truths import (
+    as_reference_value,
+    as_reference_values,
+    sensitivities,
+    true_values,
+)
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["MAX_STATES", "STATES_PER_DISK", "blank_questions", "fresh_entry_ids", "with_fresh"]
@@ -168,7 +171,7 @@ def blank_questions(states: int, seed: int) -> Store:
         for entry in entries
         for name in _asked_quantities(entry.kind, entry.friction)
     )
-    return Store.of(sorted(blank, key=lambda quantity: quantity.level))
+    return Store.of(sorted(blank, key=lambda question: question.level))
 
 
 def fresh_entry_ids(prefix: str) -> str:
@@ -211,31 +214,24 @@ def with_fresh(
     wanted = [entry for name in sets for entry in _entries_of_disk(name) if entry.id in named]
     truths: list[ReferenceValue] = []
     for entry in wanted:
-        truths += _true_quantities(entry.id)
+        truths += _true_values_of(entry.id)
         advance(entry.id, 1)
     return (
-        store.merged_with(Store.of(sorted(truths, key=lambda quantity: quantity.level)))
+        store.merged_with(Store.of(sorted(truths, key=lambda question: question.level)))
         if truths
         else store
     )
 
 
 @lru_cache(maxsize=_MAX_ENTRIES)
-def _true_quantities(entry_id: str) -> tuple[ReferenceValue, ...]:
+def _true_values_of(entry_id: str) -> tuple[ReferenceValue, ...]:
     entry = next(
         entry for entry in _entries_of_disk(entry_id.split("/")[0]) if entry.id == entry_id
     )
     values = {reading: true_values(case_of(entry, reading), _DIGITS) for reading in READINGS}
     slopes = sensitivities(case_of(entry, "decimals"), values["decimals"])
-
-    def rounded(name: str) -> dict[Reading, tuple[str, str]]:
-        return {
-            reading: rounded_to_digits(values[reading][name], STORED_DIGITS).decimals()
-            for reading in READINGS
-        }
-
     names = _asked_quantities(entry.kind, entry.friction)
-    return tuple(as_reference_value(entry, name, rounded(name), slopes[name]) for name in names)
+    return tuple(as_reference_values(entry, names, values, slopes))
 
 
 @lru_cache(maxsize=32)
@@ -247,7 +243,11 @@ def _asked_quantities(kind: str, friction: str) -> tuple[str, ...]:
     """
     published = load_store().matching(f"table1/{friction}/{kind}/")
     first = published[0].id.rsplit("/", 1)[0]
-    names = [quantity.name for quantity in published if quantity.id.startswith(f"{first}/")]
+    names = [
+        reference_value.name
+        for reference_value in published
+        if reference_value.id.startswith(f"{first}/")
+    ]
     return tuple(
         name for name in names if kind != "trajectory" or name.partition("@")[2] in _SAMPLE_TIMES
     )
