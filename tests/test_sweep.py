@@ -13,11 +13,13 @@ from typing import Any
 import pytest
 
 from tests.command_line import answer, printed, rows_of
+from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.sweep import running
 from tippedisk_verify.sweep.plan import SweepPlan, parse_axis, run_analysis
 from tippedisk_verify.theory.hopf import omega_crit
+
+DISK = Disk("table1")
 
 
 def after_rows(patch: pytest.MonkeyPatch, count: int, action: Callable[[], object]) -> None:
@@ -62,7 +64,7 @@ def test_ranges_are_exact() -> None:
     ("analysis", "name", "value"), [("orbit", "omega", "31.5"), ("hopf", "e", "0.9")]
 )
 def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: str) -> None:
-    row = run_analysis(analysis, PRINTED, 12, {name: value})
+    row = run_analysis(analysis, DISK, 12, {name: value})
     assert list(row) == [name, "status"]
     assert ("eccentricity" in row["status"]) == (name == "e")
 
@@ -89,7 +91,7 @@ def test_a_point_without_numbers_has_a_reason(analysis: str, name: str, value: s
 def test_a_row_holds_its_inputs_and_its_results(
     analysis: str, point: dict[str, str], found: dict[str, str]
 ) -> None:
-    row = run_analysis(analysis, PRINTED, 12, point)
+    row = run_analysis(analysis, DISK, 12, point)
     expected = {**point, "status": "ok", **found}
     assert {name: row[name] for name in expected} == expected
     results = [name for name in row if f"{name}_uncertainty" in row]
@@ -111,7 +113,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path) -> None:
         ("0.002", "9.7"),
     ]
     for row in rows:
-        found = omega_crit(PRINTED.changed(e=Fraction(row["e"]), g=Fraction(row["g"])), 60)
+        found = omega_crit(DISK.changed(e=Fraction(row["e"]), g=Fraction(row["g"])), 60)
         assert (
             abs(Fraction(row["omega_crit"]) - found.value)
             <= Fraction(row["omega_crit_uncertainty"]) * 2
@@ -122,7 +124,7 @@ def test_a_table_in_the_order_of_the_points(tmp_path: Path) -> None:
 
 
 # ---------------------------------------------------------------------------------------- journals
-_TEN = SweepPlan("hopf", PRINTED, (parse_axis("g=9.0:9.9:10"),), digits=3)
+_TEN = SweepPlan("hopf", DISK, (parse_axis("g=9.0:9.9:10"),), digits=3)
 
 
 def _swept(out: Path) -> list[int]:

@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn, Self
 
 from tippedisk_verify.display import Printable, result_lines
 from tippedisk_verify.errors import InputError
@@ -216,7 +216,7 @@ class Parameters(Printable):
             *(self.law.slope(self) / self.m, self.mu * self.g),
         )
 
-    def changed(self, **values: object) -> Parameters:
+    def changed(self, **values: object) -> Self:
         """Return a copy of the disk with some parameters replaced, named ``custom`` unless a name
         is given.
 
@@ -228,7 +228,7 @@ class Parameters(Printable):
         """
         return replace(self, **{"name": "custom", **values})  # type: ignore[arg-type]
 
-    def with_friction(self, friction: Friction | FrictionLaw) -> Parameters:
+    def with_friction(self, friction: Friction | FrictionLaw) -> Self:
         """Return the same disk, with the same name, under another friction law.
 
         Args:

@@ -11,23 +11,17 @@ import itertools
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from typing import Any, get_args
 
-from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.disk import Disk
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.equations import checked_speed
-from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.motion.integration import Motion
+from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import checked_digits
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium
-from tippedisk_verify.theory.hopf import hopf_point, speed_below_crit
 
 __all__ = ["SweepPlan", "parse_axis", "run_analysis"]
 
@@ -37,11 +31,8 @@ _START = {"beta": "pi/2", "gamma": "pi/2 + 0.4", "v": "0"}
 
 
 # ---------------------------------------------------------------------------------------- analyses
-def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    speed = _speed(parameters, point, digits)
-    cycle = replace(
-        librating_cycle_at(parameters, speed.value, default_engine(), digits=digits), omega=speed
-    )
+def _orbit(disk: Disk, point: Mapping[str, str], digits: int) -> dict[str, Any]:
+    cycle = disk.limit_cycle(**_speed(point), digits=digits, progress=False)
     names = (
         "omega",
         "period",
@@ -50,38 +41,37 @@ def _orbit(parameters: Parameters, point: Mapping[str, str], digits: int) -> dic
         "beta_max",
         "multiplier_slow",
         "log_multiplier_slow",
+        "log_multiplier_fast",
+        "dperiod_domega",
     )
-    numbers = {
-        name: getattr(cycle, name) for name in (*names, "log_multiplier_fast", "dperiod_domega")
-    }
-    return {**numbers, "stable": str(cycle.stable)}
+    return {**{name: getattr(cycle, name) for name in names}, "stable": str(cycle.stable)}
 
 
-def _equilibria(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
+def _equilibria(disk: Disk, point: Mapping[str, str], digits: int) -> dict[str, Any]:
     numbers: dict[str, Any] = {}
+    speed = disk.speed(**_speed(point), digits=digits)
     for name in get_args(EquilibriumName):
-        state = equilibrium(parameters, _speed(parameters, point, digits).value, name, digits)
+        state = equilibrium(disk, speed, name, digits)
         for n, value in enumerate(state.eigenvalues, start=1):
             numbers |= {f"{name}_{n}_re": value.re, f"{name}_{n}_im": value.im}
         numbers[f"{name}_stable"] = state.stable
     return numbers
 
 
-def _heteroclinic(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    connection = heteroclinic(parameters, default_engine(), digits=digits)
+def _heteroclinic(disk: Disk, point: Mapping[str, str], digits: int) -> dict[str, Any]:
+    connection = disk.heteroclinic(digits=digits, progress=False)
     return {"omega_h": connection.omega_h, "saddle_value": connection.saddle_value}
 
 
-def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -> dict[str, Any]:
-    state, duration = (
+def _trajectory(disk: Disk, point: Mapping[str, str], digits: int) -> dict[str, Any]:
+    solution = disk.integrate(
+        disk.speed(**_speed(point), digits=digits),
         [point.get(name, start) for name, start in _START.items()],
-        point.get("duration", "10"),
+        duration := point.get("duration", "10"),
+        t_eval=[duration],
+        digits=digits,
+        progress=False,
     )
-    omega = _speed(parameters, point, digits).value
-    motion = Motion(
-        parameters, omega, state, duration, default_engine(), t_eval=[duration], digits=digits
-    )
-    solution = motion.solution(motion.engine(motion.request))
     if not solution.success:
         raise AccuracyError(solution.status.value)
     end = solution.end
@@ -93,19 +83,18 @@ def _trajectory(parameters: Parameters, point: Mapping[str, str], digits: int) -
     return {"ended": solution.status.name, "time": time, **numbers}
 
 
-def _speed(parameters: Parameters, point: Mapping[str, str], digits: int) -> Measured:
-    if "omega" in point:
-        return Measured(checked_speed(point["omega"]), Fraction(0))
-    return speed_below_crit(parameters, point["below-crit"], digits)
+def _speed(point: Mapping[str, str]) -> dict[str, Any]:
+    """Return the speed of a point, as the arguments of `Disk.speed`."""
+    return {"omega": point.get("omega"), "below_crit": point.get("below-crit")}
 
 
 # Each analysis with the inputs that a point may have in addition to the parameters.
 _ANALYSES: dict[
-    str, tuple[Callable[[Parameters, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]
+    str, tuple[Callable[[Disk, Mapping[str, str], int], dict[str, Any]], tuple[str, ...]]
 ] = {
     "orbit": (_orbit, ("omega", "below-crit")),
     "equilibria": (_equilibria, ("omega", "below-crit")),
-    "hopf": (lambda parameters, point, digits: vars(hopf_point(parameters, digits)), ()),
+    "hopf": (lambda disk, point, digits: vars(disk.hopf(digits=digits)), ()),
     "heteroclinic": (_heteroclinic, ()),
     "trajectory": (_trajectory, ("omega", "below-crit", *_START, "duration")),
 }
@@ -161,7 +150,7 @@ class SweepPlan:
     """
 
     analysis: str
-    parameters: Parameters
+    disk: Disk
     axes: tuple[tuple[str, tuple[str, ...]], ...]
     digits: int = 12
 
@@ -203,20 +192,20 @@ class SweepPlan:
     @property
     def key(self) -> str:
         """A hash of everything that determines the sweep."""
-        fixed = [exact_text(getattr(self.parameters, name)) for name in SYMBOLS]
-        asked = repr((self.analysis, fixed, self.parameters.law.name, self.digits, self.axes))
+        fixed = [exact_text(getattr(self.disk, name)) for name in SYMBOLS]
+        asked = repr((self.analysis, fixed, self.disk.law.name, self.digits, self.axes))
         return hashlib.sha256(asked.encode()).hexdigest()
 
 
 # ------------------------------------------------------------------------------ the row of a point
 def run_analysis(
-    analysis: str, parameters: Parameters, digits: int, point: Mapping[str, str]
+    analysis: str, disk: Disk, digits: int, point: Mapping[str, str]
 ) -> dict[str, str]:
     """Run an analysis at one point.
 
     Args:
         analysis: The name of the analysis.
-        parameters: The disk; a point may replace its parameters.
+        disk: The disk; a point may replace its parameters.
         digits: Significant digits.
         point: The inputs by name.
 
@@ -228,7 +217,7 @@ def run_analysis(
     changes = {name: value for name, value in point.items() if name in SYMBOLS}
     try:
         numbers = _ANALYSES[analysis][0](
-            parameters.changed(**changes) if changes else parameters, point, digits
+            disk.changed(**changes) if changes else disk, point, digits
         )
     except (InputError, AccuracyError, ArithmeticError) as fault:
         return row | {"status": " ".join(str(fault).split())[:200] or type(fault).__name__}

@@ -114,7 +114,7 @@ def _run(
     """Compute the missing points of a sweep, and yield the index and the row of each as soon as it
     is computed.
     """
-    asked = plan.analysis, plan.parameters, plan.digits
+    asked = plan.analysis, plan.disk, plan.digits
     if executor is None:
         yield from ((index, run_analysis(*asked, point)) for index, point in missing)
         return
