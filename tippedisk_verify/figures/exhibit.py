@@ -9,13 +9,19 @@ from typing import Any
 
 from tippedisk_verify.audit.citations import published_numbers
 from tippedisk_verify.audit.claims import Audit
+from tippedisk_verify.display import column_heading
 from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.support.files import csv_text
 
-__all__ = ["CSV", "Drawing", "Exhibit", "by_curve", "draw_exhibit"]
+__all__ = ["CSV", "MOTION_HEADER", "Drawing", "Exhibit", "by_curve", "draw_exhibit", "rounded_rows"]
 
 #: The header, with units in brackets, and the rows.
 CSV = tuple[Sequence[str], Sequence[Sequence[object]]]
+#: The header of a motion in CSV: the time and the state.
+MOTION_HEADER = tuple(map(column_heading, ("t", *STATE_NAMES)))
+# The error of a double-precision orbit after a minute is smaller than the last decimal.
+_CSV_DECIMALS = 10
 _MEDIA = {"svg": "image/svg+xml", "webp": "image/webp"}
 
 
@@ -61,6 +67,19 @@ def by_curve(header: Sequence[str], curves: Mapping[str, Sequence[Sequence[objec
         curves: The rows of each curve.
     """
     return ("curve", *header), [(name, *row) for name, rows in curves.items() for row in rows]
+
+
+def rounded_rows(places: Any, *columns: Any) -> list[list[float]]:
+    """Return the rows of a CSV table: times or points as they are, then rounded numbers.
+
+    Args:
+        places: An array (n,) or (n, k).
+        *columns: Arrays (n,) or (n, k) of states and other numbers.
+    """
+    import numpy
+
+    rounded = (column.round(_CSV_DECIMALS) for column in columns)
+    return numpy.column_stack((places, *rounded)).tolist()  # type: ignore[no-any-return]
 
 
 def draw_exhibit(exhibit: Exhibit, audit: Audit, examined: Sequence[str]) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from functools import partial
 from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.figures.exhibit import Drawing, Exhibit
+from tippedisk_verify.figures.exhibit import MOTION_HEADER, Drawing, Exhibit, rounded_rows
 from tippedisk_verify.figures.style import BLACK, BLUE, RED, pyplot
 from tippedisk_verify.model.parameters import Parameters
 
@@ -20,7 +20,6 @@ __all__ = ["disk_points", "inversion_exhibit"]
 
 _HOLE_RADIUS, _HOLE_OFFSET = 0.33, 0.44  # in units of the disk's radius, as in the set `geometry`
 _FRONT, _BACK = "#bcd7ea", "#f4d9a0"  # of the faces
-_CSV_DECIMALS = 10  # the error of the double-precision orbit is smaller
 _SHOWN_SECONDS = 12.0
 _ELEVATION, _AZIMUTH = 14, -62  # of the viewpoint [degrees]
 
@@ -159,9 +158,6 @@ def inversion_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
     kept = orbit.times <= _SHOWN_SECONDS
     times, states = orbit.times[kept], orbit.states[kept]
     height = 1e3 * (r + e * numpy.sin(states[:, 1])) * numpy.sin(states[:, 0])
-    table = numpy.column_stack(
-        (times, numpy.column_stack((states, height)).round(_CSV_DECIMALS))
-    ).tolist()
     return Drawing(
         figure=lambda columns: _draw_moments(
             audit.parameters, times, states, height, 4 if columns > 2 else 2
@@ -174,8 +170,8 @@ def inversion_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
         f"{1e3 * (r + e):.4g} mm; the hole, opposite to it, goes down.",
         data={
             "inversion.csv": (
-                ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]", "height of S [mm]"),
-                table,
+                (*MOTION_HEADER, "height of S [mm]"),
+                rounded_rows(times, states, height),
             )
         },
     )

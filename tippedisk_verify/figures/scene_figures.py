@@ -9,7 +9,7 @@ from typing import Any
 
 from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.figures.exhibit import CSV, Drawing, Exhibit
+from tippedisk_verify.figures.exhibit import CSV, MOTION_HEADER, Drawing, Exhibit, rounded_rows
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
 from tippedisk_verify.motion.scenes import SCENES, ComputedScene
 from tippedisk_verify.numbers.precision import DOUBLE
@@ -33,7 +33,6 @@ _UNSTABLE = _STABLE | {"color": BLACK, "mfc": "white"}
 _MESH = "#606060"
 _DRAWN_SECONDS = 30.0
 _CSV_SECONDS = 60.0
-_CSV_DECIMALS = 10  # the error of the double-precision orbit after a minute is smaller
 _CSV_EVERY = 2  # each second sample is written; there are 100 a second
 
 
@@ -240,27 +239,21 @@ def scene_tables(panel: ComputedScene) -> dict[str, CSV]:
     name.
 
     The files are ``scene_X_orbit_N.csv`` and ``scene_X_slow_manifold.csv``. States and heights are
-    rounded to `_CSV_DECIMALS`: a picture's data have no half-widths. `integrate` gives states with
-    half-widths.
+    rounded: a picture's data have no half-widths. `integrate` gives states with half-widths.
     """
     import numpy
 
     tables: dict[str, CSV] = {}
     for index, orbit in enumerate(panel.orbits, start=1):
         kept = (orbit.times <= _CSV_SECONDS).nonzero()[0][::_CSV_EVERY]
-        states = orbit.states[kept].round(_CSV_DECIMALS)
-        rows = numpy.column_stack((orbit.times[kept], states)).tolist()
-        tables[f"scene_{panel.scene.name}_orbit_{index}.csv"] = (
-            ("t [s]", "beta [rad]", "gamma [rad]", "v [rad/s]"),
-            rows,
-        )
+        rows = rounded_rows(orbit.times[kept], orbit.states[kept])
+        tables[f"scene_{panel.scene.name}_orbit_{index}.csv"] = (MOTION_HEADER, rows)
     beta, gamma, *heights = (
         part.ravel() for part in _surfaces(panel, 1.0, -math.pi / 2, 3 * math.pi / 2)
     )
-    rounded = [height.round(_CSV_DECIMALS) for height in heights]
     tables[f"scene_{panel.scene.name}_slow_manifold.csv"] = (
         ("beta [rad]", "gamma [rad]", "v at order 0 [rad/s]", "v at order 1 [rad/s]"),
-        numpy.column_stack((beta, gamma, *rounded)).tolist(),
+        rounded_rows(numpy.column_stack((beta, gamma)), *heights),
     )
     return tables
 
