@@ -87,8 +87,7 @@ class Disk(Parameters):
                 raise InputError(f"a disk is named by a text, not by {short_text(named)}")
             known = Parameters.named(named)
             name = "custom" if values else known.name  # a changed disk is no longer the named one
-            kept = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
-            values = kept | {"name": name} | values
+            values = known._constructor_arguments() | {"name": name} | values
         if friction is not None:
             values["friction"] = friction
         names = [item.name for item in fields(Parameters) if item.init]
@@ -110,9 +109,7 @@ class Disk(Parameters):
         Raises:
             InputError: If the file or its values cannot be used.
         """
-        known = Parameters.from_toml(path)
-        values = {item.name: getattr(known, item.name) for item in fields(known) if item.init}
-        return cls(**values | {"friction": friction})
+        return cls(**Parameters.from_toml(path)._constructor_arguments() | {"friction": friction})
 
     # --------------------------------------------------------------------------------- closed forms
     @property

@@ -13,7 +13,7 @@ from typing import Any
 from tippedisk_verify.errors import AccuracyError
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values.entries import Case, MeasuredValues
-from tippedisk_verify.reference_values.store import quantity_definitions
+from tippedisk_verify.reference_values.truths import connection_numbers
 
 __all__ = ["proved"]
 
@@ -85,14 +85,8 @@ def _connection(case: Case, values: MeasuredValues) -> Proof:
     proof = prove_connection(case.disk, near, _OMEGA_H_DIGITS)
     if not proof.proved or proof.omega_h is None:
         raise AccuracyError(proof.statement)
-    enclosures = dict(
-        zip(
-            quantity_definitions()["heteroclinic"],
-            (proof.omega_h, *proof.saddle_eigenvalues),
-            strict=True,
-        )
-    )
-    return (proof.statement, _command("heteroclinic", case, digits=_OMEGA_H_DIGITS), enclosures)
+    command = _command("heteroclinic", case, digits=_OMEGA_H_DIGITS)
+    return (proof.statement, command, connection_numbers(proof))
 
 
 def _cycle(case: Case, values: MeasuredValues) -> Proof:

@@ -137,8 +137,7 @@ def questions(
     states: int | None,
     seed: int | None,
 ) -> int:
-    from tippedisk_verify.conformance.sheet import questions as asked
-    from tippedisk_verify.conformance.sheet import sheet_csv, sheet_json
+    from tippedisk_verify.conformance import sheet
     from tippedisk_verify.reference_values.store import load_store
 
     target = None if file is None else checked_file_path(file, ".csv", ".json")
@@ -146,13 +145,13 @@ def questions(
     if target is not None:
         _refuse_filled_in(target, store)
     store = _blank_questions(states, seed, set_) or store
-    chosen = asked(store, sets=set_, frictions=friction, levels=levels or ())
+    chosen = sheet.questions(store, sets=set_, frictions=friction, levels=levels or ())
     if target is None:
-        output.show(json.loads(sheet_json(store, chosen)), sheet_csv(store, chosen).splitlines())
+        as_json, as_csv = sheet.sheet_json(store, chosen), sheet.sheet_csv(store, chosen)
+        output.show(json.loads(as_json), as_csv.splitlines())
         return 0
-    write_text(
-        target, (sheet_json if target.suffix.lower() == ".json" else sheet_csv)(store, chosen)
-    )
+    written = sheet.sheet_json if target.suffix.lower() == ".json" else sheet.sheet_csv
+    write_text(target, written(store, chosen))
     line = f"{len(chosen)} questions: fill in the column answer in {target}, then grade it"
     output.show({"questions": len(chosen), "file": str(target)}, [line])
     return 0
@@ -196,11 +195,11 @@ def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -
 
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
-    wanted = _RequestedOutput.checked(store, **grading)
+    requested = _RequestedOutput.checked(store, **grading)
     asked = [
-        quantity for quantity in store.values() if not answers.sets or quantity.set in answers.sets
+        question for question in store.values() if not answers.sets or question.set in answers.sets
     ]
-    return wanted.report(
+    return requested.report(
         output, store, asked, grade_answers(answers, store), answers, printable(Path(file).name)
     )
 
@@ -240,8 +239,8 @@ def run(
     from_: str | None,
     **grading: Any,
 ) -> int:
+    from tippedisk_verify.conformance import sheet
     from tippedisk_verify.conformance.interview import Interview
-    from tippedisk_verify.conformance.sheet import questions as chosen
     from tippedisk_verify.reference_values.fresh_questions import with_fresh
     from tippedisk_verify.reference_values.store import load_store
     from tippedisk_verify.support.dialogue import start_program
@@ -249,16 +248,16 @@ def run(
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = load_store()
-    wanted = _RequestedOutput.checked(store, **grading)
+    requested = _RequestedOutput.checked(store, **grading)
     blank = _blank_questions(states, seed, set_)
-    asked = chosen(blank or store, sets=set_, frictions=friction, levels=levels or ())
-    first = chosen(blank or store, sets=set_, levels=(1,))[0]
+    asked = sheet.questions(blank or store, sets=set_, frictions=friction, levels=levels or ())
+    first = sheet.questions(blank or store, sets=set_, levels=(1,))[0]
     folder = lock_output_folder(out)
     if blank is not None:
-        ids = [quantity.id for quantity in (first, *asked)]
+        ids = [question.id for question in (first, *asked)]
         with output.progress(len({id_.rsplit("/", 1)[0] for id_ in ids})) as advance:
             store = with_fresh(store, "\n".join(ids), advance)
-        asked, first = [store[quantity.id] for quantity in asked], store[first.id]
+        asked, first = [store[question.id] for question in asked], store[first.id]
     with start_program(command, limit) as talk:
         interview = Interview(talk, store, from_)
 
@@ -276,7 +275,7 @@ def run(
         for line in talk.errors():
             click.echo(f"{talk.name}: {line}", err=True)
     if folder is not None:
-        wanted = replace(wanted, page=wanted.page or folder / "grades.html")
+        requested = replace(requested, page=requested.page or folder / "grades.html")
     timing: dict[str, Any] = {
         "start_up": interview.start_up,
         "times": interview.times(),
@@ -284,7 +283,7 @@ def run(
     }
     source = printable(" ".join(Path(word).name for word in command))[:60]
     answers, broke_off = interview.answers(), interview.break_off_reason
-    return wanted.report(
+    return requested.report(
         output, store, asked, interview.grades, answers, source, broke_off, **timing
     )
 
@@ -304,19 +303,19 @@ def compare(output: OutputOptions, old: str, new: str, from_: str | None) -> int
     from tippedisk_verify.conformance.grading import grade_answers
 
     with output.progress() as advance:
-        listed = grade_changes(
+        changes = grade_changes(
             *(grade_answers(*_read(file, from_, advance)) for file in (old, new))
         )
     kinds = ("broken", "gone", "lost", "gained")
-    counts = {kind: sum(change.kind == kind for change in listed) for kind in kinds}
+    counts = {kind: sum(change.kind == kind for change in changes) for kind in kinds}
     lines = [
         f"{change.kind:8}{change.id}  {_digits(change.to_dict())}"
-        for change in listed[:_SHOWN_CHANGES]
+        for change in changes[:_SHOWN_CHANGES]
     ]
-    if len(listed) > _SHOWN_CHANGES:
-        lines.append(f"{len(listed) - _SHOWN_CHANGES} more: use --json to see all")
+    if len(changes) > _SHOWN_CHANGES:
+        lines.append(f"{len(changes) - _SHOWN_CHANGES} more: use --json to see all")
     lines.append(", ".join(f"{count} {kind}" for kind, count in counts.items()))
-    output.show({**counts, "changes": [change.to_dict() for change in listed]}, lines)
+    output.show({**counts, "changes": [change.to_dict() for change in changes]}, lines)
     return 1 if counts["broken"] or counts["gone"] else 0
 
 

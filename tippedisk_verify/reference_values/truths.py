@@ -56,6 +56,7 @@ __all__ = [
     "Sensitivities",
     "as_reference_value",
     "as_reference_values",
+    "connection_numbers",
     "cross_check_values",
     "evaluate_in_two_precisions",
     "omega_h_values",
@@ -489,14 +490,13 @@ def omega_h_values(case: Case, digits: int, method: str = "manifolds") -> Measur
         digits: Significant digits.
         method: The method of `Disk.heteroclinic`.
     """
-    point = case.disk.heteroclinic(digits=digits, method=method)
-    return dict(
-        zip(
-            quantity_definitions()["heteroclinic"],
-            (point.omega_h, *point.saddle_eigenvalues),
-            strict=True,
-        )
-    )
+    return connection_numbers(case.disk.heteroclinic(digits=digits, method=method))
+
+
+def connection_numbers(connection: Any) -> MeasuredValues:
+    """Return Omega_h and the saddle's eigenvalues of a computed or proved connection, by name."""
+    numbers = (connection.omega_h, *connection.saddle_eigenvalues)
+    return dict(zip(quantity_definitions()["heteroclinic"], numbers, strict=True))
 
 
 _FIRST_METHODS: dict[str, Callable[[Case, int], MeasuredValues]] = {
