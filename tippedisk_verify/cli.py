@@ -24,6 +24,7 @@ from tippedisk_verify.commands import (
     heteroclinic,
     motion,
     reference,
+    scene,
     studies,
     theory,
     verify,
@@ -39,7 +40,7 @@ _MAX_LINE_LENGTH = 1_000  # characters of an error message
 @click.group(
     cls=Cli,
     sections={
-        "The paper": verify.COMMANDS,
+        "The paper": (*verify.COMMANDS, *scene.COMMANDS),
         "One disk's motion and cycles": (
             motion.integrate,
             *theory.COMMANDS,

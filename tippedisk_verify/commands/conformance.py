@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import reduce
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,28 +12,26 @@ import click
 
 from tippedisk_verify.commands.conformance_sources import client, grader, guide
 from tippedisk_verify.commands.definition import OutputOptions, command, group
+from tippedisk_verify.commands.grading_output import GradingOutput, grading_options
 from tippedisk_verify.commands.options import (
+    combined_options,
     levels_callback,
     lock_output_folder,
     option_callback,
-    output_file_callback,
 )
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.support.files import checked_file_path, printable, read_text, write_text
+from tippedisk_verify.support.files import checked_file_path, printable, write_text
 from tippedisk_verify.support.interrupts import clean_up_on_ctrl_c
 
 if TYPE_CHECKING:
-    from tippedisk_verify.conformance.grading import Grade
     from tippedisk_verify.conformance.sheet import Answers
-    from tippedisk_verify.reference_values.store import ReferenceValue, Store
+    from tippedisk_verify.reference_values.store import Store
     from tippedisk_verify.support.progress import Advance
 
 __all__ = ["COMMANDS"]
 
 _SHOWN_CHANGES = 40  # changes that a terminal shows
 _MAX_SECONDS = 86_400.0  # s for an answer
-_FILE_WIDTH = 100_000  # width of a file in characters, more than any line has
-_MAX_CSV_BYTES = 64_000_000  # bytes of a file that --csv may replace
 
 
 def _checked_reading(reading: str) -> str:
@@ -43,12 +40,7 @@ def _checked_reading(reading: str) -> str:
     return reading
 
 
-def _combined_options(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
-    """Combine the decorators of several options into one."""
-    return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
-
-
-_question_options = _combined_options(
+_question_options = combined_options(
     click.option(
         "--set",
         "set_",
@@ -84,38 +76,6 @@ _from_option = click.option(
     callback=option_callback(_checked_reading),
     metavar="decimals|doubles",
     help="How the answers read their inputs, if the sheet does not say so.",
-)
-_grading_options = _combined_options(
-    click.option(
-        "--html",
-        callback=output_file_callback(".html", ".htm"),
-        metavar="FILE.html|.htm",
-        help="Write a page with all grades there.",
-    ),
-    click.option(
-        "--csv",
-        callback=output_file_callback(".csv"),
-        metavar="FILE.csv",
-        help="Write the grades of each quantity there.",
-    ),
-    click.option(
-        "--badge",
-        callback=output_file_callback(".svg"),
-        metavar="FILE.svg",
-        help="Write a badge there that shows which levels agree.",
-    ),
-    click.option(
-        "--require",
-        callback=levels_callback,
-        metavar="N-M",
-        help="Exit with 1 if one of these levels has no answer or a wrong one.",
-    ),
-    click.option(
-        "--expected-failures",
-        metavar="FILE",
-        help="A list of ids that may fail, one a line, with * for any characters; exit with 1 if "
-        "others fail.",
-    ),
 )
 
 
@@ -189,13 +149,13 @@ def _refuse_filled_in(target: Path, store: Store) -> None:
 )
 @click.argument("file", metavar="FILE")
 @_from_option
-@_grading_options
+@grading_options
 def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -> int:
     from tippedisk_verify.conformance.grading import grade_answers
 
     with output.progress() as advance:
         answers, store = _read(file, from_, advance)
-    requested = _RequestedOutput.checked(store, **grading)
+    requested = GradingOutput.checked(store, **grading)
     asked = [
         question for question in store.values() if not answers.sets or question.set in answers.sets
     ]
@@ -225,7 +185,7 @@ def grade(output: OutputOptions, file: str, from_: str | None, **grading: Any) -
 )
 @click.option("--out", metavar="DIR", help="Write answers and grades there.")
 @_from_option
-@_grading_options
+@grading_options
 def run(
     output: OutputOptions,
     command: tuple[str, ...],
@@ -248,7 +208,7 @@ def run(
     if not 0 < limit <= _MAX_SECONDS:
         raise InputError(f"--limit must lie between 0 and {_MAX_SECONDS:g} seconds, not {limit:g}")
     store = load_store()
-    requested = _RequestedOutput.checked(store, **grading)
+    requested = GradingOutput.checked(store, **grading)
     blank = _blank_questions(states, seed, set_)
     asked = sheet.questions(blank or store, sets=set_, frictions=friction, levels=levels or ())
     first = sheet.questions(blank or store, sets=set_, levels=(1,))[0]
@@ -347,7 +307,6 @@ def _read(file: str, reading: str | None, advance: Advance) -> tuple[Answers, St
     return answers, store
 
 
-# ----------------------------------------------------------------------------------------- reports
 def _blank_questions(states: int | None, seed: int | None, sets: Sequence[str]) -> Store | None:
     """Return the fresh questions that --states and --seed ask for, without answers, or None.
 
@@ -363,98 +322,6 @@ def _blank_questions(states: int | None, seed: int | None, sets: Sequence[str]) 
     if sets:
         raise InputError("--set is for the published questions: fresh ones have their own disks")
     return blank_questions(states, seed or 0)
-
-
-@dataclass(frozen=True)
-class _RequestedOutput:
-    """The files that a command is to write, and the grades that it requires."""
-
-    page: Path | None
-    table: Path | None
-    picture: Path | None
-    required: tuple[int, ...] | None  #: levels that must pass
-    expectable: frozenset[str] | None  #: ids that may fail
-
-    @classmethod
-    def checked(
-        cls,
-        store: Store,
-        html: Path | None,
-        csv: Path | None,
-        badge: Path | None,
-        require: tuple[int, ...] | None,
-        expected_failures: str | None,
-    ) -> _RequestedOutput:
-        """Check the options of a command about files and required grades, and return them as one
-        object.
-
-        Raises:
-            InputError: If a file cannot be written or read.
-        """
-        from tippedisk_verify.conformance.gate import expected_failures as named
-
-        if csv is not None:
-            _refuse_to_overwrite(csv)
-        expectable = None if expected_failures is None else named(Path(expected_failures), store)
-        return cls(html, csv, badge, require, expectable)
-
-    def report(
-        self,
-        output: OutputOptions,
-        store: Store,
-        asked_questions: Sequence[ReferenceValue],
-        grades: Sequence[Grade],
-        answers: Answers,
-        source: str,
-        broke_off: str = "",
-        **more: Any,
-    ) -> int:
-        """Diagnose the grades of a sheet, print and write the report, and return the exit status.
-
-        ``more`` holds further fields of the `Report`.
-        """
-        from rich.console import Console
-
-        from tippedisk_verify.conformance.diagnosis import diagnose
-        from tippedisk_verify.conformance.gate import badge, shortcomings
-        from tippedisk_verify.conformance.grade_pages import Report, html_page, print_report
-        from tippedisk_verify.conformance.grading import tally_levels
-
-        levels = tally_levels(grades, asked_questions)
-        with output.progress() as advance:
-            diagnoses = diagnose(grades, store, advance)
-        short, expectable = [], self.expectable or frozenset()
-        if self.required is not None or self.expectable is not None:
-            short = shortcomings(levels, grades, self.required, expectable) + [broke_off] * bool(
-                broke_off
-            )
-        unexpected_passes = sorted(expectable & {grade.id for grade in grades if not grade.failed})
-        report = Report(
-            source, answers, grades, levels, diagnoses, short, unexpected_passes, **more
-        )
-        if self.page is not None:
-            write_text(self.page, html_page(report))
-        if self.table is not None:
-            write_text(self.table, report.csv())
-        if self.picture is not None:
-            write_text(self.picture, badge(levels))
-        if output.json:
-            output.show(report.to_dict())
-        elif not output.quiet:
-            terminal = Console()  # a file gets a width at which nothing is wrapped
-            print_report(report, terminal if terminal.is_terminal else Console(width=_FILE_WIDTH))
-        return 1 if short else 0
-
-
-def _refuse_to_overwrite(path: Path) -> None:
-    """Raise InputError if --csv would overwrite a file that is not a table of grades.
-
-    Sheets of answers are CSV files as well.
-    """
-    if path.exists() and not read_text(path, _MAX_CSV_BYTES).startswith("level,quantity,"):
-        raise InputError(
-            f"{path} is not a table of grades, and --csv would overwrite it; give another name"
-        )
 
 
 _HELP = "Ask another implementation, and grade its answers in digits."

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from tippedisk_verify.support.files import checked_file_path, output_file, sole_
 __all__ = [
     "below_crit_option",
     "certificate_option",
+    "combined_options",
     "decimal_callback",
     "half_widths_option",
     "levels_callback",
@@ -56,6 +58,11 @@ def decimal_callback(
     except InputError as fault:
         raise InputError(f"{option.opts[0]}: {fault}") from None
     return value
+
+
+def combined_options(*options: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Combine the decorators of several options into one."""
+    return lambda function: reduce(lambda made, option: option(made), reversed(options), function)
 
 
 def output_file_callback(*endings: str) -> Check:
