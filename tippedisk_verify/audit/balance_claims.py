@@ -7,9 +7,9 @@ from functools import partial
 
 from tippedisk_verify.audit.claims import Answer, Audit, Claim, Fault, ProofOffer, printed_number
 from tippedisk_verify.audit.linear_claims import EVERY_SPEED, NORMAL_FORM, closed_form
+from tippedisk_verify.audit.local_expansion import derived_expansion, printed_expansion
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.theory import hopf, one_harmonic_law
-from tippedisk_verify.theory.expansion import derived_expansion, printed_expansion
 
 __all__ = ["BALANCE_CLAIMS"]
 

@@ -74,7 +74,7 @@ def process_pool(jobs: int | None, *, needed: bool = True) -> Iterator[Executor 
     if workers == 1 or not needed:
         yield None
         return
-    from tippedisk_verify.commands.workers import ProcessPool, kill_workers
+    from tippedisk_verify.support.workers import ProcessPool, kill_workers
 
     with clean_up_on_ctrl_c(kill_workers), ProcessPool(workers) as pool:
         yield pool
@@ -94,7 +94,7 @@ def worker_executor(executor: str, jobs: int | None) -> Iterator[Executor | None
         InputError: If no scheduler answers.
         AccuracyError: If the cluster fails, or a worker has other code.
     """
-    from tippedisk_verify.commands.workers import CodeCheckingExecutor, cluster
+    from tippedisk_verify.support.workers import CodeCheckingExecutor, cluster
 
     if executor.startswith("dask://"):
         with cluster(executor) as workers:

@@ -44,29 +44,29 @@ def derived_expansion(constants: Any, omega: Any) -> LocalExpansion:
         constants.A,
         constants.Bbar,
     )
-    reach = r + e
+    height = r + e
     strength = -constants.mu * m * g / constants.epsilon
     return LocalExpansion(
-        mass={(0, 0, 0): Bbar, (0, 2, 0): A - Bbar, (2, 0, 0): m * reach**2},
+        mass={(0, 0, 0): Bbar, (0, 2, 0): A - Bbar, (2, 0, 0): m * height**2},
         gyroscopic={
             (1, 0, 0): -Bbar * omega**2,
             (1, 2, 0): (Bbar - A) * omega**2,
-            (3, 0, 0): (Bbar * 2 / 3 - m * e * reach) * omega**2,
-            (1, 1, 1): -(2 * (A - Bbar) + m * e * reach) * omega,
-            (1, 0, 2): -m * reach**2,
+            (3, 0, 0): (Bbar * 2 / 3 - m * e * height) * omega**2,
+            (1, 1, 1): -(2 * (A - Bbar) + m * e * height) * omega,
+            (1, 0, 2): -m * height**2,
         },
         gravity={
-            (1, 0, 0): m * g * reach,
+            (1, 0, 0): m * g * height,
             (1, 2, 0): -m * g * e / 2,
-            (3, 0, 0): -m * g * reach / 6,
+            (3, 0, 0): -m * g * height / 6,
         },
         friction={
-            (0, 0, 1): strength * reach**2,
-            (0, 1, 0): strength * e * reach * omega,
+            (0, 0, 1): strength * height**2,
+            (0, 1, 0): strength * e * height * omega,
             (0, 3, 0): -strength * omega * e * (4 * e + r) / 6,
-            (2, 1, 0): -strength * 3 * omega * e * reach / 2,
-            (2, 0, 1): -strength * reach**2,
-            (0, 2, 1): -strength * e * reach,
+            (2, 1, 0): -strength * 3 * omega * e * height / 2,
+            (2, 0, 1): -strength * height**2,
+            (0, 2, 1): -strength * e * height,
         },
     )
 
@@ -87,28 +87,28 @@ def printed_expansion(constants: Any, omega: Any) -> LocalExpansion:
         constants: The parameters, in any kind of number.
         omega: The spinning speed [rad/s].
     """
-    c, r, e, reach = constants, constants.r, constants.e, constants.r + constants.e
+    c, r, e, height = constants, constants.r, constants.e, constants.r + constants.e
     bracket = {
         (0, 3, 0): -omega * e * (4 * e + r) / 6,
-        (0, 0, 1): reach**2,
-        (2, 1, 0): -3 * omega * e * reach / 2,
-        (2, 0, 1): -(reach**2),
-        (0, 1, 0): e * reach * omega,
-        (0, 2, 1): -e * reach,
+        (0, 0, 1): height**2,
+        (2, 1, 0): -3 * omega * e * height / 2,
+        (2, 0, 1): -(height**2),
+        (0, 1, 0): e * height * omega,
+        (0, 2, 1): -e * height,
     }
     return LocalExpansion(
-        mass={(0, 2, 0): c.A - c.Bbar, (0, 0, 0): c.Bbar, (2, 0, 0): c.m * reach**2},
+        mass={(0, 2, 0): c.A - c.Bbar, (0, 0, 0): c.Bbar, (2, 0, 0): c.m * height**2},
         gyroscopic={
             (1, 0, 0): -c.Bbar * omega**2,
             (1, 2, 0): (c.Bbar - c.A) * omega**2,
-            (3, 0, 0): (2 * c.Bbar / 3 - c.m * e * reach) * omega**2,
-            (1, 1, 1): -2 * (c.A - c.Bbar + c.m * e * reach) * omega,
-            (1, 0, 2): -c.m * reach**2,
+            (3, 0, 0): (2 * c.Bbar / 3 - c.m * e * height) * omega**2,
+            (1, 1, 1): -2 * (c.A - c.Bbar + c.m * e * height) * omega,
+            (1, 0, 2): -c.m * height**2,
         },
         gravity={
-            (1, 0, 0): c.m * c.g * reach,
+            (1, 0, 0): c.m * c.g * height,
             (1, 3, 0): -c.m * c.g * e / 2,
-            (3, 0, 0): -c.m * c.g * reach / 6,
+            (3, 0, 0): -c.m * c.g * height / 6,
         },
         friction={
             powers: -c.mu * c.m * c.g / c.epsilon * value for powers, value in bracket.items()

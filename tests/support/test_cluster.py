@@ -14,7 +14,7 @@ from tests.dask_cluster import changed_package, scheduler, worker, workers
 from tests.stress.strikes import Struck, ended_by
 from tests.test_sweep import after_rows, asked
 from tippedisk_verify.cli import main
-from tippedisk_verify.commands import workers as module
+from tippedisk_verify.support import workers as module
 from tippedisk_verify.sweep import running
 
 pytest.importorskip("distributed")

@@ -8,9 +8,9 @@ from types import SimpleNamespace
 import pytest
 import sympy as sp
 
+from tippedisk_verify.audit.local_expansion import derived_expansion, printed_expansion
 from tippedisk_verify.model.equations import equation_terms
 from tippedisk_verify.model.friction import LAWS
-from tippedisk_verify.theory.expansion import derived_expansion, printed_expansion
 
 x, y, v, order = sp.symbols("x y v order")
 r, e, m, g, A, Bbar, mu, epsilon, Omega = sp.symbols(
