@@ -202,10 +202,9 @@ def _numbers_of(run: Any, error: Any) -> dict[str, Any]:
         known = values is None or (values == 0 and widths == 0)
         return None if known else Measured.of(values, 0 if widths is None else float(widths))
 
-    names = {"state": "state", "samples": "samples", "derivatives": "variations"}
     return {
-        name: paired(getattr(run, name), error and getattr(error, width))
-        for name, width in names.items()
+        name: paired(getattr(run, name), error and getattr(error, name))
+        for name in ("state", "samples", "derivatives")
     } | {
         "status": run.status,
         "time": paired(run.time, error and error.time) if error is None or error.time else None,

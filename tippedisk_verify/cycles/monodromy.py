@@ -280,7 +280,7 @@ def monodromy_of(cycle: Cycle, time: object = 0) -> Monodromy:
     by_moving = sum(
         round_to_doubles(abs(other.derivatives - whole.derivatives)) for other in others
     )
-    width = round_to_doubles(whole.error.variations) * (
+    width = round_to_doubles(whole.error.derivatives) * (
         1 + HALF_WIDTH_FACTOR * len(others) / _PERTURBATION_FACTOR
     )
     return Monodromy(

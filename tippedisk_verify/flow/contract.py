@@ -349,8 +349,8 @@ class ErrorEstimate:
     samples: Any = None  #: (n, 3) of the samples
     events: tuple[float, ...] = ()  #: [s] of the time of each recorded event
     event_states: tuple[Any, ...] = ()  #: (3,) of the state of each recorded event
-    variations: Any = None  #: of the derivatives, with their shape
-    sample_variations: Any = None  #: of the derivatives at the samples, with their shape
+    derivatives: Any = None  #: of the derivatives, with their shape
+    sample_derivatives: Any = None  #: of the derivatives at the samples, with their shape
 
     @property
     def largest(self) -> float:

@@ -117,8 +117,8 @@ def _half_widths(
         samples=of_all("samples"),
         events=tuple(time_width(mine.time, wide.time) for mine, wide in crossings),
         event_states=tuple(widths(mine.state, wide.state) for mine, wide in crossings),
-        variations=of_all("derivatives"),
-        sample_variations=of_all("sample_derivatives"),
+        derivatives=of_all("derivatives"),
+        sample_derivatives=of_all("sample_derivatives"),
     )
 
 

@@ -308,10 +308,10 @@ def _derivatives(
     if result.derivatives is not None:
         slopes = constant_derivatives(request.parameters)
         for variable in variables:
-            end = chained(slopes[variable], result.derivatives, error and error.variations)
+            end = chained(slopes[variable], result.derivatives, error and error.derivatives)
             y, width = (numbers[:, None] for numbers in end)
             if result.sample_derivatives is not None:
-                samples = result.sample_derivatives, error and error.sample_variations
+                samples = result.sample_derivatives, error and error.sample_derivatives
                 y, width = (numbers.T for numbers in chained(slopes[variable], *samples))
             found[variable] = Derivative(*end, y, width)
     return found
