@@ -61,7 +61,7 @@ def test_careful_runs_give_the_same(taylor, monkeypatch) -> None:
     request = smooth("30.4", STARTS[0], 3.0, times=times, dense=True)
     fast = taylor(request)
     monkeypatch.setattr(
-        switching.FrictionSign, "used_wrong_sign", property(lambda sign: not sign.looks_ahead)
+        switching.FrictionSign, "used_wrong_sign", lambda sign, stepper: not sign.looks_ahead
     )
     slow = taylor(request)
     assert slow.status is fast.status
@@ -130,7 +130,9 @@ def test_a_loose_tolerance_crosses_the_surface_once(taylor, monkeypatch, toleran
     monkeypatch.setattr(
         switching.FrictionSign,
         "begin",
-        lambda sign, start: repeats.append(sign.looks_ahead) or begin(sign, start),
+        lambda sign, stepper, start: (
+            repeats.append(sign.looks_ahead) or begin(sign, stepper, start)
+        ),
     )
     request = smooth("30.4", (math.pi / 2, 3.27, -1.71), 10.0, tolerance=tolerance)
     times = [record.time for record in taylor(replace(request, events=(_REVERSES,))).events]

@@ -47,7 +47,7 @@ _Crossing = tuple[str, int, float, tuple[float, float, float]]
 class BatchResult(Printable):
     """The results of n runs, as arrays of doubles; a run that did not finish has NaN everywhere.
 
-    Under the smooth law a run may have two switches of its branch that are closer than events can
+    Under the smooth law a run may have two switches of its side that are closer than events can
     resolve. It then counts as not finished. The Taylor engine, one run at a time, can compute it.
     """
 
@@ -272,7 +272,7 @@ class _CompiledBatch:
                 pending += [range(run, run + 1) for run in reversed(runs)]
                 continue
             if self._signs is not None:
-                reached &= self._signs.used_right_sign(self._stepper)
+                reached &= ~self._signs.used_wrong_sign(self._stepper)
             lane_of = numpy.flatnonzero(reached[: len(runs)])
             final[:, lanes[lane_of]] = self._stepper.state[:, lane_of]
             finished[lanes[lane_of]] = True
@@ -330,7 +330,7 @@ class _CompiledBatch:
     def _changer(self, change: Callable[[Any, int, int], None], coinciding: Sequence[Event]) -> Any:
         """Return a callback for heyoka that calls ``change`` and records the coinciding events.
 
-        ``change`` switches the friction law's branch in one lane. The callback is a bare function,
+        ``change`` switches the friction law's side in one lane. The callback is a bare function,
         because heyoka copies all other callables.
         """
         crossings = self._crossings

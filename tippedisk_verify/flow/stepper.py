@@ -6,7 +6,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Any
-from weakref import proxy
 
 import numpy
 
@@ -192,9 +191,6 @@ class CompiledStepper:
             nt_events=[self._passing_event(event) for event in built if not event.terminal],
             **options,
         )
-        if two_sided:
-            # heyoka holds its callbacks where the garbage collector does not see them.
-            self._friction_sign.stepper = proxy(self._stepper)
         # After the state, the integral of the divergence and the guard start at 0 and the
         # derivatives at the identity.
         self._identity = (
@@ -229,7 +225,7 @@ class CompiledStepper:
         hy, fp_type = heyoka_module(), self.precision.number_type
         # An event that has fired is not seen again for as long as a start on its surface lasts.
         # heyoka's own waiting time comes from the tolerance. It is too short where the orbit only
-        # touches the surface. It is too long after a switch of the branch at a loose tolerance: the
+        # touches the surface. It is too long after a switch of the side at a loose tolerance: the
         # state there is on the surface to rounding, at every tolerance.
         wait = self.precision.number(MIN_TIME_ON_SURFACE)
 
@@ -244,16 +240,14 @@ class CompiledStepper:
             events.append(
                 ending(
                     FRICTION_SWITCH.name,
-                    callback=lambda stepper, sign: friction_sign.set_at_reversal(
-                        sign, stepper.time
-                    ),
+                    callback=lambda stepper, sign: friction_sign.set_at_reversal(stepper, sign),
                 )
             )
             if FLAT not in self._terminal:
                 events.append(
                     ending(
                         SIN_BETA_REVERSAL.name,
-                        callback=lambda stepper, sign: friction_sign.flip_with_sin_beta(),
+                        callback=lambda stepper, sign: friction_sign.flip_with_sin_beta(stepper),
                     )
                 )
         return events
@@ -301,7 +295,7 @@ class CompiledStepper:
         self._kept = [] if request.estimated_by_defect or request.dense or sampled else None
         self._set_parameters(request, omega)
         if request.domain != "none" and self._ops.sin(state[0]) <= 0:
-            self._rewind(state)
+            self._rewind(start)
             self._rows = self._stepper.state[None].copy()
             return self._result(request, Status.FLAT, 0)
         on_surfaces = start_surfaces(request, start) if request.events else NO_SURFACES
@@ -344,18 +338,20 @@ class CompiledStepper:
                 self._parameters = None  # the next run must not reuse them
             self._stepper.pars[: 1 + len(values)] = [omega, *values]
 
-    def _rewind(self, state: Sequence[Any]) -> None:
+    def _rewind(self, start: Start) -> None:
         """Reset the stepper to a given start at time 0, and clear the records of the run before."""
         stepper = self._stepper
         stepper.time = self._zero
         if self._kept:
             self._kept.clear()
-        stepper.state[:3] = state
+        stepper.state[:3] = start.state
         if self._identity is not None:
             stepper.state[3:] = self._identity
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
+        if self._two_sided:
+            self._friction_sign.begin(stepper, start)
 
     def _integrate_until(self, target: Any, **options: Any) -> tuple[Any, Any, int]:
         """Integrate until the time ``target`` [s] or the first terminal event.
@@ -406,7 +402,7 @@ class CompiledStepper:
         """
         ended = self._leave_surface(start, on_surfaces, duration)
         ran = ended or self._integrate_until(duration, max_steps=max_steps)
-        if self._two_sided and not ended and self._friction_sign.used_wrong_sign:
+        if self._two_sided and not ended and self._friction_sign.used_wrong_sign(self._stepper):
             # Two switches came closer together than events can resolve.
             self._friction_sign.looks_ahead = True
             ran = self._leave_surface(start, on_surfaces, duration) or self._integrate_until(
@@ -429,9 +425,7 @@ class CompiledStepper:
             The outcome, as `_integrate_until` returns it, if the run ended on the way; otherwise
             None.
         """
-        self._rewind(start.state)
-        if self._two_sided:
-            self._friction_sign.begin(start)
+        self._rewind(start)
         if not on_surfaces.names:
             return None
         # Use at most half of the run, so that the rest can be recorded.
@@ -471,11 +465,10 @@ class CompiledStepper:
         stepper.update_d_output(target)
         ahead = stepper.d_output.tolist()
         terms = self.precision.copy_array(stepper.tc[: self._kept_rows])
-        self._rewind(start.state)
+        self._rewind(start)
         watched = [event for event in self._events if event.name not in on_surfaces.names]
-        # The branch, too, must be the same all the way, and not in doubt at the start
+        # The side, too, must be the same all the way, and not in doubt at the start
         if self._two_sided:
-            self._friction_sign.begin(start)
             watched += SLIDING_REVERSAL, FLAT
         if any(
             start.event_value(event) * start.event_value(event, ahead[:3]) <= 0 for event in watched
