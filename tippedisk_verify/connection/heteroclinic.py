@@ -13,8 +13,14 @@ from tippedisk_verify.connection.splitting import SplittingZero
 from tippedisk_verify.display import Printable, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
+from tippedisk_verify.flow.contract import (
+    GAMMA_TOP,
+    PLAIN_DIGITS,
+    Engine,
+    Request,
+    Result,
+    Status,
+)
 from tippedisk_verify.model.array_function import ArrayFunction
 from tippedisk_verify.model.equations import vector_field as equations_of_motion
 from tippedisk_verify.model.parameters import Parameters

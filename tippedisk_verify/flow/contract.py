@@ -29,9 +29,12 @@ from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = [
     "BETA_EXTREME",
+    "CORRECTED_DIGITS",
+    "EXTENDED_DIGITS",
     "FLAT",
     "GAMMA_TOP",
     "MAX_STEPS",
+    "PLAIN_DIGITS",
     "SECTION",
     "SLIDING_REVERSAL",
     "Build",
@@ -54,6 +57,13 @@ Variation = Literal[
 #: The default limit of a run's steps: half an hour of ordinary motion. A run that needs more is
 #: usually stuck.
 MAX_STEPS = 100_000
+#: The number of digits up to which a run in doubles is left as it is.
+PLAIN_DIGITS = 12
+#: The number of digits up to which extended numbers carry the estimate of a run's error. A machine
+#: without them uses doubles in their place.
+EXTENDED_DIGITS = 16
+#: The number of digits up to which a run in doubles suffices, once its error is added.
+CORRECTED_DIGITS = 25
 STATE_VARIATIONS: tuple[Variation, ...] = ("beta", "gamma", "v")
 
 
@@ -236,9 +246,9 @@ class Request:
     events: tuple[Event, ...] = ()
     #: Compute half-widths that hold the error of all numbers (`flow.error_estimate`).
     error_estimate: bool = False
-    #: Significant digits. Beyond 12, in doubles and with an error estimate, the error is removed
-    #: from the result.
-    digits: int = 12
+    #: Significant digits. Beyond `PLAIN_DIGITS`, in doubles and with an error estimate, the error
+    #: is removed from the result.
+    digits: int = PLAIN_DIGITS
     domain: Literal["event", "samples", "none"] = "event"
     #: For a twin of the run: the pattern by which the inputs' last bits move
     #: (`system.perturb_last_bits`).

@@ -13,7 +13,10 @@ from typing import Any, NamedTuple
 import numpy
 
 from tippedisk_verify.flow.contract import (
+    CORRECTED_DIGITS,
+    EXTENDED_DIGITS,
     FLAT,
+    PLAIN_DIGITS,
     ErrorEstimate,
     Event,
     EventRecord,
@@ -33,10 +36,7 @@ from tippedisk_verify.numbers.precision import (
     wider_precision,
 )
 
-__all__ = ["CORRECTED_DIGITS", "EXTENDED_DIGITS", "PLAIN_DIGITS", "half_widths_from_defect"]
-
-#: The number of digits up to which a run in doubles is left as it is.
-PLAIN_DIGITS = 12
+__all__ = ["half_widths_from_defect"]
 
 
 class _DefectMethod(NamedTuple):
@@ -55,15 +55,10 @@ class _DefectMethod(NamedTuple):
 _METHODS = (
     _DefectMethod(PLAIN_DIGITS, EXTENDED, 3, 0),
     _DefectMethod(PLAIN_DIGITS, EXTENDED, 8, 5),
-    _DefectMethod(16, EXTENDED, 5, 3),
+    _DefectMethod(EXTENDED_DIGITS, EXTENDED, 5, 3),
     _DefectMethod(20, QUADRUPLE, 10, 8),
-    _DefectMethod(25, QUADRUPLE, 18, 16),
+    _DefectMethod(CORRECTED_DIGITS, QUADRUPLE, 18, 16),
 )
-#: The number of digits up to which a run in doubles suffices, once its error is added.
-CORRECTED_DIGITS = _METHODS[-1].digits
-#: The number of digits up to which extended numbers carry the estimate. A machine without them uses
-#: doubles in their place.
-EXTENDED_DIGITS = max(method.digits for method in _METHODS if method.wide_precision is EXTENDED)
 
 
 class _Limits(NamedTuple):

@@ -536,7 +536,7 @@ class CompiledStepper:
                 self._kept or [(self._zero, whole[: self._kept_rows, None])],
             )
         samples = sample_derivatives = None
-        if series is not None and not request.estimated_by_defect:
+        if series is not None:
             samples = series.samples(request, status)
         elif self._grid is not None:
             times = DOUBLE.as_array(request.times)

@@ -19,11 +19,9 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
-from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
-from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS, half_widths_from_defect
+from tippedisk_verify.flow.contract import FLAT, PLAIN_DIGITS, Build, Request, Result, Status
 from tippedisk_verify.flow.start import starts_at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
-from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
 from tippedisk_verify.numbers.arrays import round_to_doubles
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.numbers.precision import DOUBLE, bits_for_digits, precision_of_bits
@@ -135,17 +133,17 @@ class Taylor:
         on an event's surface up to rounding, the run is corrected in wider arithmetic.
         """
         if not result.status.usable:
-            if request.estimated_by_defect:
-                result = result._replace(samples=result.series.samples(request, result.status))
             return result._replace(series=None)
+        from tippedisk_verify.flow.error_estimate import half_widths_from_defect
+
         refined = half_widths_from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
             precision = precision_of_bits(bits_for_digits(request.digits + 8))
             wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
             return self(wide)._replace(precision=precision)
         if refined is None:
-            if request.estimated_by_defect:
-                result = result._replace(samples=result.series.samples(request, result.status))
+            from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
+
             refined = half_widths_from_wider_run(self, request, result)
             assert refined.error is not None
             if math.isinf(refined.error.time) and request.events and starts_on_a_surface(request):
@@ -162,12 +160,7 @@ def _outside(request: Request, result: Result) -> bool:
     """
     if not result.status.usable or result.status is Status.FLAT:
         return False
-    samples = (
-        result.series.samples(request, result.status)
-        if request.estimated_by_defect
-        else result.samples
-    )
     # The angle lies far enough from the edge that the float's sign is the number's.
-    angles: Any = [] if samples is None else round_to_doubles(samples[:, 0])
+    angles: Any = [] if result.samples is None else round_to_doubles(result.samples[:, 0])
     sine = numpy.cos if request.shifted else numpy.sin
     return bool((sine(numpy.append(angles, float(result.state[0]))) <= 0).any())

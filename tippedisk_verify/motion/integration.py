@@ -15,7 +15,10 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import (
     BETA_EXTREME,
+    CORRECTED_DIGITS,
+    EXTENDED_DIGITS,
     MAX_STEPS,
+    PLAIN_DIGITS,
     SECTION,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
@@ -27,7 +30,6 @@ from tippedisk_verify.flow.contract import (
     Result,
     Status,
 )
-from tippedisk_verify.flow.error_estimate import CORRECTED_DIGITS, EXTENDED_DIGITS, PLAIN_DIGITS
 from tippedisk_verify.flow.system import constant_derivatives
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.motion.solution import Derivative, Solution

@@ -17,12 +17,7 @@ from tippedisk_verify.display import quantities
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import EventRecord, Status
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.model.result_format import (
-    read_number,
-    read_saved,
-    saved_numbers,
-    write_saved,
-)
+from tippedisk_verify.model.result_format import read_number, read_saved, saved_numbers, write_saved
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import (

@@ -13,21 +13,13 @@ import numpy
 
 from tippedisk_verify.display import Printable, data_frame, numbers_as_json
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import (
-    Engine,
-    EventRecord,
-    Request,
-    Status,
-)
-from tippedisk_verify.flow.error_estimate import PLAIN_DIGITS
+from tippedisk_verify.flow.contract import PLAIN_DIGITS, Engine, EventRecord, Request, Status
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.times import decimal_time, since_start
 from tippedisk_verify.numbers.arrays import numpy_safe, round_to_doubles
 from tippedisk_verify.numbers.exact import Exact, as_list, exact, fraction
-from tippedisk_verify.numbers.precision import (
-    DOUBLE,
-)
+from tippedisk_verify.numbers.precision import DOUBLE
 
 __all__ = ["Derivative", "Solution"]
 
