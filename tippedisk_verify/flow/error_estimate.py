@@ -25,8 +25,7 @@ from tippedisk_verify.flow.contract import (
     Status,
 )
 from tippedisk_verify.flow.defect import Defect
-from tippedisk_verify.flow.start import SURFACE_ROUNDINGS
-from tippedisk_verify.model.equations import shifted_ops
+from tippedisk_verify.flow.start import SURFACE_ROUNDINGS, Start
 from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.numbers.precision import (
     DOUBLE,
@@ -236,10 +235,9 @@ class _RunWithError:
             request.digits <= PLAIN_DIGITS,
         )
         self._request = request
-        self._ops = shifted_ops(numpy) if request.shifted else numpy
-        self._constants, self._omega = (
-            request.parameters.constants_in(self.wide_precision),
-            self.wide_precision.number(request.omega),
+        self._start = start = Start.of(request, self.wide_precision)
+        self._start_in_doubles = start._replace(
+            constants=request.parameters.constants_in(DOUBLE), omega=float(start.omega)
         )
         if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.max_matrix_bytes:
             raise UnresolvedSteps
@@ -366,7 +364,8 @@ class _RunWithError:
             places, errors, uncertainty = self._evaluate(time)
             states = places + errors
             gradient, speed = self._gradient_and_rate(event, states)
-            change = self._event_value(event, states) / self.wide_precision.number(speed)
+            value = self._start.event_value(event, states[:, 0])
+            change = value / self.wide_precision.number(speed)
             unknown = float(abs(gradient) @ uncertainty[:, 0]) / abs(speed) + abs(
                 record.time
             ) * float(self.wide_precision.epsilon)
@@ -385,7 +384,7 @@ class _RunWithError:
         ) / _LIMITS.rate_interval < _LIMITS.negligible_share * abs(speed):
             raise FirstOrderFails
         around = [
-            self._event_value(event, states + rates * self.wide_precision.array([w]))
+            self._start.event_value(event, (states + rates * self.wide_precision.array([w]))[:, 0])
             for w in (-unknown, unknown)
         ]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
@@ -397,10 +396,6 @@ class _RunWithError:
         return _CrossingWithError(
             EventRecord(record.name, time[0], states[:, 0]), time, width, widths, moves
         )
-
-    def _event_value(self, event: Event, states: Any) -> Any:
-        """Return the value of an event's function at a state (3, 1), in the wide arithmetic."""
-        return event.function(self._ops, self._constants, self._omega, *states[:, 0])
 
     def _gradient_and_rate(self, event: Event, states: Any) -> tuple[Any, float]:
         """Return the gradient (3,) of an event's function and its rate in time, at a state (3, 1)
@@ -424,8 +419,7 @@ class _RunWithError:
 
     def _event_values_in_doubles(self, event: Event, states: Any) -> Any:
         """Return the values (k,) of an event's function at k states, in doubles."""
-        constants, omega = self._request.parameters.constants_in(DOUBLE), float(self._omega)
-        return event.function(self._ops, constants, omega, *states) + numpy.zeros(states.shape[1])
+        return self._start_in_doubles.event_value(event, states) + numpy.zeros(states.shape[1])
 
     def check_missed_events(self, last: Any, result: Result) -> None:
         """Raise FirstOrderFails if the run's errors decide whether an event is met at all.

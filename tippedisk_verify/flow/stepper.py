@@ -36,7 +36,6 @@ from tippedisk_verify.flow.system import (
     parameter_names,
     perturb_last_bits,
 )
-from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
@@ -130,9 +129,8 @@ def _grid_of(request: Request, duration: Any) -> Any:
     defect.
     """
     times = request.times
-    if request.precision != DOUBLE or times is None or request.events or not duration:
-        return None
-    if request.estimated_by_defect or request.dense:
+    by_series = request.estimated_by_defect or request.dense or request.events
+    if request.precision != DOUBLE or times is None or by_series or not duration:
         return None
     inside = DOUBLE.as_array(times)
     inside = inside[(inside != 0) & (abs(inside) < abs(duration))]
@@ -149,9 +147,7 @@ class CompiledStepper:
     ) -> None:
         self.precision = precision = request.precision
         number, two_sided = precision.number, request.law.two_sided
-        self._ops = shifted_ops(precision.ops) if request.shifted else precision.ops
         self._events, self._two_sided = events, two_sided
-        self._divergence = request.divergence
         watched = [
             event for event in events if two_sided and event.function is SLIDING_REVERSAL.function
         ]
@@ -193,9 +189,7 @@ class CompiledStepper:
         )
         # After the state, the integral of the divergence and the guard start at 0 and the
         # derivatives at the identity.
-        self._identity = (
-            self._stepper.state[3:].copy() if request.variations or self._size > 3 else None
-        )
+        self._identity = self._stepper.state[3:].copy()
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
         self._parameters: Parameters | None = None
         self._speed: Any = None
@@ -215,7 +209,6 @@ class CompiledStepper:
             ),
             u_variables=len(self._stepper.decomposition) - self._stepper.dim,
         )
-        self._built = (self.build,)
 
     def _ending_events(self) -> list[Any]:
         """Return the events at which heyoka stops, as its terminal events.
@@ -281,20 +274,18 @@ class CompiledStepper:
         Raises:
             InputError: If the start, the duration or the speed is not finite.
         """
-        number = self.precision.number
-        state = [number(component) for component in request.state]
-        duration, omega = number(request.duration), number(request.omega)
+        start = Start.of(request, self.precision)
+        duration = self.precision.number(request.duration)
         if request.perturbation_pattern is not None:
             *state, omega = perturb_last_bits(
-                (*state, omega), request.perturbation_pattern, self.precision
+                (*start.state, start.omega), request.perturbation_pattern, self.precision
             )
-        constants, forward = request.parameters.constants_in(self.precision), bool(duration >= 0)
-        start = Start(self._ops, constants, request.law, omega, state, forward)
+            start = start._replace(state=state, omega=omega)
         self._grid = _grid_of(request, duration)
         sampled = request.times is not None and self._grid is None
         self._kept = [] if request.estimated_by_defect or request.dense or sampled else None
-        self._set_parameters(request, omega)
-        if request.domain != "none" and self._ops.sin(state[0]) <= 0:
+        self._set_parameters(request, start)
+        if request.domain != "none" and start.ops.sin(start.state[0]) <= 0:
             self._rewind(start)
             self._rows = self._stepper.state[None].copy()
             return self._result(request, Status.FLAT, 0)
@@ -308,7 +299,8 @@ class CompiledStepper:
         if (
             not careful
             and abs(self._stepper.time) <= on_surfaces.time_on_surface
-            and self._ends_on_start_surface(outcome, on_surfaces)
+            and (event := self._event_at_end(outcome)) is not None
+            and event.name in on_surfaces.names
         ):
             outcome, low, steps = self._run_to_end(start, on_surfaces, duration, request.max_steps)
         status = Status.REACHED if outcome == self._finished else self._stop_status(outcome, low)
@@ -321,22 +313,21 @@ class CompiledStepper:
             ]
         return self._result(request, status, steps)
 
-    def _set_parameters(self, request: Request, omega: Any) -> None:
+    def _set_parameters(self, request: Request, start: Start) -> None:
         """Set the speed and the disk's constants in the compiled code, unless they are those of the
         run before.
         """
         if (
-            omega is not self._speed
+            start.omega is not self._speed
             or request.parameters is not self._parameters
             or request.perturbation_pattern is not None
         ):
-            constants = request.parameters.constants_in(self.precision)
-            values = [getattr(constants, name) for name in self._names[1:]]
-            self._parameters, self._speed = request.parameters, omega
+            values = [getattr(start.constants, name) for name in self._names[1:]]
+            self._parameters, self._speed = request.parameters, start.omega
             if request.perturbation_pattern is not None:
                 values = perturb_last_bits(values, request.perturbation_pattern + 1, self.precision)
                 self._parameters = None  # the next run must not reuse them
-            self._stepper.pars[: 1 + len(values)] = [omega, *values]
+            self._stepper.pars[: 1 + len(values)] = [start.omega, *values]
 
     def _rewind(self, start: Start) -> None:
         """Reset the stepper to a given start at time 0, and clear the records of the run before."""
@@ -345,8 +336,7 @@ class CompiledStepper:
         if self._kept:
             self._kept.clear()
         stepper.state[:3] = start.state
-        if self._identity is not None:
-            stepper.state[3:] = self._identity
+        stepper.state[3:] = self._identity
         if self._crossings:
             stepper.reset_cooldowns()
             self._records.clear()
@@ -436,15 +426,13 @@ class CompiledStepper:
         limit = limit if start.runs_forward else -limit
         if self._jump_ahead(start, limit, on_surfaces):
             return None
-        outcome, low = self._finished, self._zero
         for _ in range(_MAX_PASSES):
             # An event that fires starts its cooldown, so the next call continues.
             outcome, low, _ = self._integrate_until(limit)
-            if not self._ends_on_start_surface(outcome, on_surfaces):
+            event = self._event_at_end(outcome)
+            if event is None or event.name not in on_surfaces.names:
                 break
-        ended = self._index(outcome) is not None and not self._ends_on_start_surface(
-            outcome, on_surfaces
-        )
+        ended = event is not None and event.name not in on_surfaces.names
         return (
             (outcome, low, 1) if ended or (self._two_sided and self._friction_sign.ended) else None
         )
@@ -480,19 +468,13 @@ class CompiledStepper:
             self._kept.append((target, terms))
         return True
 
-    def _index(self, outcome: Any) -> int | None:
-        """Return the index of the request's terminal event that ended the run; None if no such
-        event did.
+    def _event_at_end(self, outcome: Any) -> Event | None:
+        """Return the request's terminal event that ended the run; None if no such event did.
 
         heyoka numbers them -1, -2, ...
         """
         index = -int(outcome.value) - 1
-        return index if 0 <= index < len(self._terminal) else None
-
-    def _ends_on_start_surface(self, outcome: Any, on_surfaces: StartSurfaces) -> bool:
-        """Return True if the run was ended by an event on whose surface it started."""
-        index = self._index(outcome)
-        return index is not None and self._terminal[index].name in on_surfaces.names
+        return self._terminal[index] if 0 <= index < len(self._terminal) else None
 
     def _stop_status(self, outcome: Any, smallest_step: Any) -> Status:
         """Return the status of a run that did not reach its end, and record the terminal event if
@@ -500,8 +482,8 @@ class CompiledStepper:
         """
         if self._two_sided and self._friction_sign.ended:
             return Status.EVENT
-        index = self._index(outcome)
-        if index is None:
+        event = self._event_at_end(outcome)
+        if event is None:
             if outcome.name == "err_nf_state":
                 return Status.NON_FINITE
             resolved = abs(float(self._stepper.time)) * float(self.precision.epsilon)
@@ -510,7 +492,6 @@ class CompiledStepper:
                 if abs(float(smallest_step)) <= resolved
                 else Status.STEP_LIMIT
             )
-        event = self._terminal[index]
         self._records.append(
             EventRecord(
                 event.name, self._stepper.time, self.precision.copy_array(self._stepper.state[:3])
@@ -519,14 +500,8 @@ class CompiledStepper:
         return Status.FLAT if event.name == FLAT.name else Status.EVENT
 
     def _result(self, request: Request, status: Status, steps: int) -> Result:
-        final, derivatives, divergence = self.precision.copy_array(self._stepper.state), None, None
-        whole, size = final, self._size
-        if self._identity is not None:
-            if self._divergence:
-                divergence = final[3]
-            if self.build.variations:
-                derivatives = final[size:].reshape(size, -1)[:3]
-            final = final[:3]
+        whole, size = self.precision.copy_array(self._stepper.state), self._size
+        derivatives = whole[size:].reshape(size, -1)[:3] if request.variations else None
         series = None
         if self._kept is not None:
             # A run that has taken no step stands at its start.
@@ -548,14 +523,14 @@ class CompiledStepper:
         return Result(
             status,
             self._stepper.time,
-            final,
+            whole[:3],
             steps,
             samples=samples,
             dense=series if request.dense else None,
             derivatives=derivatives,
             sample_derivatives=sample_derivatives,
-            divergence=divergence,
+            divergence=whole[3] if request.divergence else None,
             events=tuple(self._records) if self._crossings else (),
-            built=self._built,
+            built=(self.build,),
             series=series,
         )
