@@ -34,7 +34,7 @@ from tippedisk_verify.display import (
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.numbers.arrays import Array
-from tippedisk_verify.numbers.exact import fraction, integer_between, short_text
+from tippedisk_verify.numbers.exact import checked_integer, fraction, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
@@ -169,8 +169,7 @@ class Branch(Printable):
             raise InputError(
                 f"a branch restarts from {', '.join(going_on)}, not {short_text(name)}"
             )
-        if integer_between(count, 2, MAX_SPEEDS) is None:
-            raise InputError(f"a branch has 2 to {MAX_SPEEDS} cycles, not {short_text(count)}")
+        checked_integer(count, 2, MAX_SPEEDS, f"a branch has 2 to {MAX_SPEEDS} cycles, not {{}}")
         disk = cached_locator(cycles_found(self.cycles)[0].parameters, default_engine())
         return Branch.of(cycles_of_piece(disk, going_on.index(name), count, half_widths=True))
 

@@ -24,7 +24,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.model.result_format import saved_numbers, write_saved
 from tippedisk_verify.numbers.arrays import round_to_doubles, to_double_array
-from tippedisk_verify.numbers.exact import integer_between, short_text
+from tippedisk_verify.numbers.exact import checked_integer
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 from tippedisk_verify.support.progress import show_share
@@ -165,8 +165,7 @@ class Cycle(Printable):
             InputError: If ``count`` is not such a number, or the engine has no continuous output.
             ArithmeticError: If the engine gives up.
         """
-        if integer_between(count, 2, _MAX_POINTS) is None:
-            raise InputError(f"an orbit has 2 to {_MAX_POINTS} points, not {short_text(count)}")
+        checked_integer(count, 2, _MAX_POINTS, f"an orbit has 2 to {_MAX_POINTS} points, not {{}}")
         times = numpy.linspace(0.0, float(self.period), count)
         states = self._states(times, engine or default_engine())
         if self.symmetric:

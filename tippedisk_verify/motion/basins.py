@@ -31,7 +31,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.scenes import angle_from_inverted
 from tippedisk_verify.numbers.arrays import Array
 from tippedisk_verify.numbers.decimals import exact_text
-from tippedisk_verify.numbers.exact import integer_between, short_text
+from tippedisk_verify.numbers.exact import checked_integer, short_text
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.support.parallel import map_of
@@ -139,13 +139,10 @@ def basins(
         InputError: If an argument cannot be used.
     """
     speed = checked_speed(omega)
-    duration, v, known_count = (
-        DOUBLE.number(duration),
-        DOUBLE.number(v),
-        integer_between(count, 1, _MAX_STATES),
+    duration, v = DOUBLE.number(duration), DOUBLE.number(v)
+    count = checked_integer(
+        count, 1, _MAX_STATES, f"1 to {_MAX_STATES} states can be run, not {{}}"
     )
-    if known_count is None:
-        raise InputError(f"1 to {_MAX_STATES} states can be run, not {short_text(count)}")
     if not _LAST_SECONDS < duration <= 10_000:
         raise InputError(
             f"the duration must be more than {_LAST_SECONDS:g} s and at most 10000 s, "
@@ -155,8 +152,8 @@ def basins(
         raise InputError(f"v must lie between -{MAX_ABS_V:g} and {MAX_ABS_V:g} rad/s, not {v:g}")
     if not isinstance(seed, int) or seed < 0:
         raise InputError(f"a seed is a whole number that is not negative, not {short_text(seed)}")
-    columns = max(1, math.ceil(math.sqrt(2 * known_count)))  # gamma's range is twice beta's
-    rows = math.ceil(known_count / columns)
+    columns = max(1, math.ceil(math.sqrt(2 * count)))  # gamma's range is twice beta's
+    rows = math.ceil(count / columns)
     random = numpy.random.default_rng(seed)
     place = random.random((2, rows, columns))
     beta = (numpy.arange(rows)[:, None] + place[0]) / rows * math.pi

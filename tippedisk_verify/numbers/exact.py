@@ -11,6 +11,7 @@ import math
 import operator
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
@@ -25,9 +26,9 @@ __all__ = [
     "BinaryFloat",
     "Exact",
     "as_list",
+    "checked_integer",
     "exact",
     "fraction",
-    "integer_between",
     "mantissa_exponent",
     "parse_long_fraction",
     "plain_number",
@@ -353,21 +354,27 @@ def rational_in_context(ctx: Any, value: Fraction) -> Any:
     return ctx.mpf(value.numerator) / value.denominator
 
 
-def integer_between(value: object, least: int, most: int) -> int | None:
-    """Convert an integer of any kind to an int if ``least <= value <= most``; return None for any
-    other object.
+def checked_integer(value: object, least: int, most: int, complaint: str) -> int:
+    """Check an integer of any kind and return it as an int.
 
     Args:
         value: An object of any type.
         least, most: The bounds, both included.
+        complaint: The message of the error, with {} in place of the value.
+
+    Raises:
+        InputError: If ``value`` is not an integer within the bounds.
     """
-    try:
+    with suppress(InputError):
         number = plain_number(value)
-    except InputError:
-        return None
-    if not isinstance(number, Exact) or number.pi_multiple or number.rational.denominator > 1:
-        return None
-    return int(number.rational) if least <= number.rational <= most else None
+        if (
+            isinstance(number, Exact)
+            and not number.pi_multiple
+            and number.rational.denominator == 1
+            and least <= number.rational <= most
+        ):
+            return int(number.rational)
+    raise InputError(complaint.format(short_text(value)))
 
 
 def short_text(value: object) -> str:

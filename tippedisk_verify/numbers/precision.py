@@ -20,8 +20,8 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.numbers.exact import (
     PI,
     Exact,
+    checked_integer,
     exact,
-    integer_between,
     mantissa_exponent,
     plain_number,
     refuse_units_and_masks,
@@ -303,12 +303,8 @@ def precision_of_bits(count: int) -> Precision:
     Raises:
         InputError: If ``count`` is not an integer from 24 to 4,000,000.
     """
-    number = integer_between(count, 24, _MAX_BITS)
-    if number is None:
-        raise InputError(
-            f"a precision of {short_text(count)} bits is not offered: use 24 to {_MAX_BITS}"
-        )
-    return Precision("real", number)
+    complaint = f"a precision of {{}} bits is not offered: use 24 to {_MAX_BITS}"
+    return Precision("real", checked_integer(count, 24, _MAX_BITS, complaint))
 
 
 def precision_named(name: str) -> Precision:
@@ -361,19 +357,15 @@ def checked_digits(digits: object) -> int:
     Raises:
         InputError: If ``digits`` is not an integer from 1 to 4000.
     """
-    number = integer_between(digits, 1, _MAX_DIGITS)
-    if number is None:
-        kind = (
-            "the text "
-            if isinstance(digits, str)
-            else "the float "
-            if isinstance(digits, float)
-            else ""
-        )
-        raise InputError(
-            f"digits are a whole number from 1 to {_MAX_DIGITS}, not {kind}{short_text(digits)}"
-        )
-    return number
+    kind = (
+        "the text "
+        if isinstance(digits, str)
+        else "the float "
+        if isinstance(digits, float)
+        else ""
+    )
+    complaint = f"digits are a whole number from 1 to {_MAX_DIGITS}, not {kind}{{}}"
+    return checked_integer(digits, 1, _MAX_DIGITS, complaint)
 
 
 def wider_precision(precision: Precision) -> Precision:

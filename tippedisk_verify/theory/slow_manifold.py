@@ -32,9 +32,9 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import Ops, checked_speed, equation_terms
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.exact import (
+    checked_integer,
     exact,
     fraction,
-    integer_between,
     rational_in_context,
     short_text,
 )
@@ -307,13 +307,8 @@ def _checked_order(order: int) -> int:
     """Check the order of the slow manifold's series and return it as an int; raise InputError
     unless it is an integer from 0 to 40.
     """
-    number = integer_between(order, 0, _HIGHEST_ORDER)
-    if number is None:
-        raise InputError(
-            f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not "
-            f"{short_text(order)}"
-        )
-    return number
+    complaint = f"the order of the slow manifold lies between 0 and {_HIGHEST_ORDER}, not {{}}"
+    return checked_integer(order, 0, _HIGHEST_ORDER, complaint)
 
 
 # ------------------------------------------------------------------------------ the reduced flow

@@ -33,10 +33,10 @@ from tippedisk_verify.cycles.collocation.fourier import (
     samples_for,
 )
 from tippedisk_verify.display import Printable, quantity
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import fraction, integer_between, short_text
+from tippedisk_verify.numbers.exact import checked_integer, fraction
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import checked_digits
@@ -99,10 +99,9 @@ def collocation_cycle(
     """
     parameters.refuse_two_sided_law("harmonic balance is")
     speed = checked_speed(omega)
-    if harmonics is not None and integer_between(harmonics, 1, _MAX_HARMONICS) is None:
-        raise InputError(
-            f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {short_text(harmonics)}"
-        )
+    if harmonics is not None:
+        complaint = f"the number of harmonics lies between 1 and {_MAX_HARMONICS}, not {{}}"
+        checked_integer(harmonics, 1, _MAX_HARMONICS, complaint)
     digits = checked_digits(digits)
     start = librating_point_at(parameters, speed)
 
