@@ -129,11 +129,6 @@ class FrictionLaw:
         return self.name
 
     @property
-    def title(self) -> str:
-        """The friction law's name as used in a sentence."""
-        return self.name
-
-    @property
     def constants(self) -> tuple[str, ...]:
         """The names of the runtime parameters that this friction law adds to the compiled equations
         of motion.
@@ -327,7 +322,6 @@ class _SmoothCoulomb(FrictionLaw):
     """The paper's smooth Coulomb friction law, Eq. lambda_y_3DOF."""
 
     has_guard = False
-    title = "smooth Coulomb"
     constants = ("traction", "epsilon")
 
     def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:

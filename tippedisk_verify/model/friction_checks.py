@@ -57,11 +57,8 @@ def refuse_unusable(law: FrictionLaw, parameters: Any) -> None:
     try:
         constants_used(law.force)  # raises AttributeError for others
         slope = law.slope(parameters)
-    except Exception as fault:
-        raise InputError(f"{problem} cannot be computed: {fault}") from fault
-    if not isinstance(slope, Fraction) or slope <= 0:
-        raise InputError(f"{problem} has a slope that is not a positive rational number")
-    try:
+        if not isinstance(slope, Fraction) or slope <= 0:
+            raise InputError(f"{problem} has a slope that is not a positive rational number")
         _refuse_values(law, parameters, problem)
         _refuse_uncompilable(law, problem)
         _refuse_narrow_features(law, parameters, problem)

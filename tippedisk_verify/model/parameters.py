@@ -24,9 +24,8 @@ from tippedisk_verify.display import Printable, result_lines
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.friction import LAWS, Friction, FrictionLaw, law_of
 from tippedisk_verify.model.friction_checks import refuse_unusable
-from tippedisk_verify.numbers.decimals import exact_text
+from tippedisk_verify.numbers.decimals import exact_decimals, exact_text
 from tippedisk_verify.numbers.exact import PI, fraction, rational_in_context, short_text
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import Precision
 from tippedisk_verify.support.files import output_file, read_bytes, write_text
 
@@ -162,16 +161,16 @@ class Parameters(Printable):
             refuse_unusable(law, self)
 
     def _inconsistencies(self) -> list[str]:
-        faults = []
-        if self.e >= self.r:
-            faults.append("the eccentricity e must be smaller than the radius r")
-        if self.Bbar <= 0:
-            faults.append("Bbar = B - m e^2 must be positive: B is too small for this m and e")
-        if self.B > self.A:
-            faults.append("B must not exceed A, the inertia about the axis through both centres")
-        if self.C is not None and self.A > self.C:
-            faults.append("A must not exceed C, the moment about the disk's normal")
-        return faults
+        conditions = {
+            "the eccentricity e must be smaller than the radius r": self.e < self.r,
+            "Bbar = B - m e^2 must be positive: B is too small for this m and e": self.Bbar > 0,
+            "B must not exceed A, the inertia about the axis through both centres": self.B
+            <= self.A,
+            "A must not exceed C, the moment about the disk's normal": (
+                self.C is None or self.A <= self.C
+            ),
+        }
+        return [fault for fault, met in conditions.items() if not met]
 
     @property
     def Bbar(self) -> Fraction:
@@ -287,9 +286,9 @@ class Parameters(Printable):
         They are exact, except that a repeating decimal is cut after fifty digits.
         """
         return {
-            item.name: Measured(getattr(self, item.name), Fraction(0)).decimals()[0]
-            for item in fields(self)
-            if item.name in _QUANTITIES and getattr(self, item.name) is not None
+            name: exact_decimals(value)[0]
+            for name in _QUANTITIES
+            if (value := getattr(self, name)) is not None
         }
 
     def exact_texts(self) -> dict[str, str]:

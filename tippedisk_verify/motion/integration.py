@@ -35,7 +35,7 @@ from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.motion.solution import Derivative, Solution
 from tippedisk_verify.motion.times import EvenTimes, since_start, span_of
 from tippedisk_verify.numbers.arrays import half_widths_in_doubles, numpy_safe, round_to_doubles
-from tippedisk_verify.numbers.exact import Exact, as_list, exact, short_text
+from tippedisk_verify.numbers.exact import as_list, exact, short_text
 from tippedisk_verify.numbers.precision import (
     DOUBLE,
     EXTENDED,
@@ -110,8 +110,9 @@ class Motion:
             extended = wider_precision(DOUBLE) == EXTENDED and digits <= EXTENDED_DIGITS
             quick = corrected and extended and abs(length) > _MIN_DURATION
             times = EvenTimes(exact(0), end - start, _SAMPLES)
-            if quick:
-                times = _rounded_even_times(end - start)
+            if quick:  # in the extended numbers of the error estimate
+                steps = numpy.arange(_SAMPLES).astype(EXTENDED.number_type)
+                times = steps * EXTENDED.number(end - start) / (_SAMPLES - 1)
             elif precision == DOUBLE and not measured:
                 times = times.rounded(DOUBLE)
         self._variables = [
@@ -236,17 +237,6 @@ class Motion:
         time = precision.number(self._start + record.time)
         rounding = float(abs(time)) * float(precision.epsilon)
         return replace(record, time=time, time_uncertainty=record.time_uncertainty + rounding)
-
-
-def _rounded_even_times(length: Exact) -> Any:
-    """Return `_SAMPLES` even times from 0 to a length [s], in the extended numbers of the error
-    estimate.
-    """
-    return (
-        numpy.arange(_SAMPLES).astype(EXTENDED.number_type)
-        * EXTENDED.number(length)
-        / (_SAMPLES - 1)
-    )
 
 
 def _note(request: Request) -> str:

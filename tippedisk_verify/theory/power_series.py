@@ -59,12 +59,10 @@ class PowerSeries:
         return self._like([-a for a in self.coefficients])
 
     def __sub__(self, other: Any) -> PowerSeries:
-        difference: PowerSeries = self + -other
-        return difference
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> PowerSeries:
-        difference: PowerSeries = -self + other
-        return difference
+        return (-self).__add__(other)
 
     def __mul__(self, other: Any) -> PowerSeries:
         if not isinstance(other, PowerSeries):

@@ -76,8 +76,7 @@ class Saddle:
     @cached_property
     def constants(self) -> Constants:
         """The constants of the disk, as numbers of `context`."""
-        ctx = self.context
-        return self.parameters.constants_in_context(ctx)
+        return self.parameters.constants_in_context(self.context)
 
     @cached_property
     def speed(self) -> Any:
@@ -109,19 +108,13 @@ class Saddle:
 
         The largest component of each is 1.
         """
-        ctx = self.context
+        matrix = linearization(self.parameters, self.omega, "noninverted")
         vectors = []
         for value in self.eigenvalues:
-            vector = right_eigenvector(
-                linearization(self.parameters, self.omega, "noninverted"), value
-            )
-            entries = [
-                rational_in_context(ctx, entry) if isinstance(entry, Fraction) else entry
-                for entry in vector
-            ]
-            largest = max(entries, key=abs)
-            vectors.append([entry / largest for entry in entries])
-        return ctx.matrix(vectors).T
+            vector = right_eigenvector(matrix._replace(omega=self.speed), value)
+            largest = max(vector, key=abs)
+            vectors.append([entry / largest for entry in vector])
+        return self.context.matrix(vectors).T
 
     @cached_property
     def inverse_eigenvectors(self) -> Any:
