@@ -36,7 +36,6 @@ from tippedisk_verify.flow.system import (
     parameter_names,
     perturb_last_bits,
 )
-from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["CompiledStepper", "Series"]
@@ -191,8 +190,6 @@ class CompiledStepper:
         # derivatives at the identity.
         self._identity = self._stepper.state[3:].copy()
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
-        self._parameters: Parameters | None = None
-        self._speed: Any = None
         self._kept: list[tuple[Any, Any]] | None = None  # the end and the series of each step
         # The times from start to end at which heyoka samples the run, and the samples
         self._grid: Any = None
@@ -276,15 +273,19 @@ class CompiledStepper:
         """
         start = Start.of(request, self.precision)
         duration = self.precision.number(request.duration)
+        constants = [getattr(start.constants, name) for name in self._names[1:]]
         if request.perturbation_pattern is not None:
             *state, omega = perturb_last_bits(
                 (*start.state, start.omega), request.perturbation_pattern, self.precision
             )
             start = start._replace(state=state, omega=omega)
+            constants = perturb_last_bits(
+                constants, request.perturbation_pattern + 1, self.precision
+            )
+        self._stepper.pars[: 1 + len(constants)] = [start.omega, *constants]
         self._grid = _grid_of(request, duration)
         sampled = request.times is not None and self._grid is None
         self._kept = [] if request.estimated_by_defect or request.dense or sampled else None
-        self._set_parameters(request, start)
         if request.domain != "none" and start.ops.sin(start.state[0]) <= 0:
             self._rewind(start)
             self._rows = self._stepper.state[None].copy()
@@ -312,22 +313,6 @@ class CompiledStepper:
                 or abs(record.time) > on_surfaces.time_on_surface
             ]
         return self._result(request, status, steps)
-
-    def _set_parameters(self, request: Request, start: Start) -> None:
-        """Set the speed and the disk's constants in the compiled code, unless they are those of the
-        run before.
-        """
-        if (
-            start.omega is not self._speed
-            or request.parameters is not self._parameters
-            or request.perturbation_pattern is not None
-        ):
-            values = [getattr(start.constants, name) for name in self._names[1:]]
-            self._parameters, self._speed = request.parameters, start.omega
-            if request.perturbation_pattern is not None:
-                values = perturb_last_bits(values, request.perturbation_pattern + 1, self.precision)
-                self._parameters = None  # the next run must not reuse them
-            self._stepper.pars[: 1 + len(values)] = [start.omega, *values]
 
     def _rewind(self, start: Start) -> None:
         """Reset the stepper to a given start at time 0, and clear the records of the run before."""
