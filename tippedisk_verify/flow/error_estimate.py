@@ -47,7 +47,7 @@ class _DefectMethod(NamedTuple):
     wide_precision: Precision
     nodes: int
     #: The nodes of a second evaluation, which measures the error of the first. 0 means that
-    #: `_Limits.three_node_error` bounds it.
+    #: `_THREE_NODE_ERROR` bounds it.
     fewer_nodes: int
 
 
@@ -59,64 +59,57 @@ _METHODS = (
     _DefectMethod(CORRECTED_DIGITS, QUADRUPLE, 18, 16),
 )
 
-
-class _Limits(NamedTuple):
-    """The constants of the error estimate of a run, each with its reason."""
-
-    #: A half-width is this multiple of the error left in a result. The additional quarter covers
-    #: errors that the estimate shares with the result.
-    half_width_margin: float = 1.25
-    #: The error that three nodes may leave, in carried roundings. It is so small where the next
-    #: three limits hold.
-    three_node_error: float = 1 / 16
-    #: For three nodes: each rate of decay times the step is below this.
-    three_node_max_decay: float = 7.0
-    #: For three nodes: each rate of growth times the step is below this.
-    three_node_max_growth: float = 1.0
-    #: For three nodes: the last terms of the step's polynomials are below this, as a fraction of
-    #: the state.
-    three_node_max_last_term: float = 2.0**-55
-    #: The rate of decay times the step up to which two numbers of nodes differ by their errors.
-    #: Where errors grow, the smaller number of nodes decides: over a step in which errors grow by
-    #: e^5, five nodes are wrong by a thirtieth.
-    max_decay: float = 64.0
-    #: The error of evaluating the defect, in carried roundings of the wider arithmetic.
-    evaluation_error: int = 16
-    #: The error [rad, rad/s] above which its square may exceed a hundredth of a rounding. The
-    #: field's second derivatives are at most 1e5.
-    max_first_order_error: float = 1e-11
-    #: The number of sweeps for the second order of an error. Each gains as many digits as the error
-    #: has below 1.
-    max_sweeps: int = 4
-    #: The rounding of errors that are kept in doubles, as a fraction of an error. At least this
-    #: part of a carried rounding is left.
-    double_rounding: float = 2.0**-48
-    #: The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
-    max_matrix_bytes: int = 2**29
-    #: The number of Newton steps for a crossing. Two usually suffice, because the gradient has nine
-    #: digits.
-    crossing_newton_steps: int = 8
-    #: The change of the state in the differences for an event's gradient, near the square root of
-    #: rounding.
-    gradient_step: float = 2.0**-20
-    #: The time [s] after which an event's rate is evaluated again, to measure its change.
-    rate_interval: float = 1e-6
-    #: An extremum of an event's function below this part of its size nearby may be a touch.
-    possible_touch_share: float = 1 / 8
-    #: An extremum below this part is a touch: wider runs then decide whether it is a crossing.
-    touch_share: float = 1 / 64
-    #: The number of places between three nodes at which an event's function is evaluated.
-    touch_samples: int = 65
-    #: The distance at which an extremum may lie from a place, as a fraction of the distance to its
-    #: neighbour. The extra quarter allows for the error of the parabola.
-    max_extremum_distance: float = 1.25
-    #: As a fraction of a carried rounding or an error: a quantity below this is of the next order.
-    negligible_share: float = 2.0**-10
-    #: The error [rad, rad/s] from which no sweep is tried, because the first order is a poor guess.
-    max_error_for_sweeps: float = 2.0**-6
-
-
-_LIMITS = _Limits()
+# A half-width is this multiple of the error left in a result. The additional quarter covers errors
+# that the estimate shares with the result.
+_HALF_WIDTH_MARGIN = 1.25
+# The error that three nodes may leave, in carried roundings. It is so small where the next three
+# limits hold.
+_THREE_NODE_ERROR = 1 / 16
+# For three nodes: each rate of decay times the step is below this.
+_THREE_NODE_MAX_DECAY = 7.0
+# For three nodes: each rate of growth times the step is below this.
+_THREE_NODE_MAX_GROWTH = 1.0
+# For three nodes: the last terms of the step's polynomials are below this, as a fraction of the
+# state.
+_THREE_NODE_MAX_LAST_TERM = 2.0**-55
+# The rate of decay times the step up to which two numbers of nodes differ by their errors. Where
+# errors grow, the smaller number of nodes decides: over a step in which errors grow by e^5, five
+# nodes are wrong by a thirtieth.
+_MAX_DECAY = 64.0
+# The error of evaluating the defect, in carried roundings of the wider arithmetic.
+_EVALUATION_ERROR = 16
+# The error [rad, rad/s] above which its square may exceed a hundredth of a rounding. The field's
+# second derivatives are at most 1e5.
+_MAX_FIRST_ORDER_ERROR = 1e-11
+# The number of sweeps for the second order of an error. Each gains as many digits as the error has
+# below 1.
+_MAX_SWEEPS = 4
+# The rounding of errors that are kept in doubles, as a fraction of an error. At least this part of
+# a carried rounding is left.
+_DOUBLE_ROUNDING = 2.0**-48
+# The largest size of the collocation's matrices. Longer runs go to a wider arithmetic.
+_MAX_MATRIX_BYTES = 2**29
+# The number of Newton steps for a crossing. Two usually suffice, because the gradient has nine
+# digits.
+_CROSSING_NEWTON_STEPS = 8
+# The change of the state in the differences for an event's gradient, near the square root of
+# rounding.
+_GRADIENT_STEP = 2.0**-20
+# The time [s] after which an event's rate is evaluated again, to measure its change.
+_RATE_INTERVAL = 1e-6
+# An extremum of an event's function below this part of its size nearby may be a touch.
+_POSSIBLE_TOUCH_SHARE = 1 / 8
+# An extremum below this part is a touch: wider runs then decide whether it is a crossing.
+_TOUCH_SHARE = 1 / 64
+# The number of places between three nodes at which an event's function is evaluated.
+_TOUCH_SAMPLES = 65
+# The distance at which an extremum may lie from a place, as a fraction of the distance to its
+# neighbour. The extra quarter allows for the error of the parabola.
+_MAX_EXTREMUM_DISTANCE = 1.25
+# As a fraction of a carried rounding or an error: a quantity below this is of the next order.
+_NEGLIGIBLE_SHARE = 2.0**-10
+# The error [rad, rad/s] from which no sweep is tried, because the first order is a poor guess.
+_MAX_ERROR_FOR_SWEEPS = 2.0**-6
 
 
 class UnresolvedSteps(ArithmeticError):
@@ -239,14 +232,14 @@ class _RunWithError:
         self._start_in_doubles = start._replace(
             constants=request.parameters.constants_in(DOUBLE), omega=float(start.omega)
         )
-        if result.steps * (3 * method.nodes) ** 2 * 8 > _LIMITS.max_matrix_bytes:
+        if result.steps * (3 * method.nodes) ** 2 * 8 > _MAX_MATRIX_BYTES:
             raise UnresolvedSteps
         self._defect = Defect(request, result.series, self.wide_precision, method.nodes)
         if not self._steps_are_short(method.fewer_nodes):
             raise UnresolvedSteps
         # The uncertainty of the errors, in carried roundings.
         self._uncertainty_in_roundings = (
-            _LIMITS.evaluation_error * 2.0 ** (DOUBLE.bits - self.wide_precision.bits)
+            _EVALUATION_ERROR * 2.0 ** (DOUBLE.bits - self.wide_precision.bits)
             + self._correct_to_second_order()
         )
         if method.fewer_nodes:
@@ -254,7 +247,7 @@ class _RunWithError:
                 Defect(request, result.series, self.wide_precision, method.fewer_nodes)
             )
         else:
-            self._uncertainty_in_roundings += _LIMITS.three_node_error
+            self._uncertainty_in_roundings += _THREE_NODE_ERROR
 
     def _steps_are_short(self, fewer_nodes: int) -> bool:
         """Return True if the run's steps are short enough for the method that estimates its error.
@@ -266,13 +259,13 @@ class _RunWithError:
         defect = self._defect
         if fewer_nodes:
             return (
-                defect.max_rate_times_step < _LIMITS.max_decay
+                defect.max_rate_times_step < _MAX_DECAY
                 and defect.max_growth_times_step < fewer_nodes
             )
         return (
-            defect.max_rate_times_step < _LIMITS.three_node_max_decay
-            and defect.max_growth_times_step < _LIMITS.three_node_max_growth
-            and defect.last_term < _LIMITS.three_node_max_last_term
+            defect.max_rate_times_step < _THREE_NODE_MAX_DECAY
+            and defect.max_growth_times_step < _THREE_NODE_MAX_GROWTH
+            and defect.last_term < _THREE_NODE_MAX_LAST_TERM
         )
 
     def _correct_to_second_order(self) -> float:
@@ -286,20 +279,20 @@ class _RunWithError:
             FirstOrderFails: If the errors are too large for the sweeps.
         """
         largest = float(abs(self._defect.errors).max())
-        if not largest < _LIMITS.max_error_for_sweeps:
+        if not largest < _MAX_ERROR_FOR_SWEEPS:
             raise FirstOrderFails
-        if self.wide_precision is EXTENDED and largest < _LIMITS.max_first_order_error:
+        if self.wide_precision is EXTENDED and largest < _MAX_FIRST_ORDER_ERROR:
             return 0.0
-        for _ in range(_LIMITS.max_sweeps):
+        for _ in range(_MAX_SWEEPS):
             # Each sweep leaves the same share of its correction as the first correction was of the
             # error.
             change = self._defect.sweep()
-            if change < _LIMITS.negligible_share:
+            if change < _NEGLIGIBLE_SHARE:
                 largest = float((abs(self._defect.errors[1:]) / self._defect.roundings[1:]).max())
                 return HALF_WIDTH_FACTOR * max(
-                    change * _LIMITS.negligible_share,
-                    _LIMITS.double_rounding,
-                    _LIMITS.double_rounding * largest,
+                    change * _NEGLIGIBLE_SHARE,
+                    _DOUBLE_ROUNDING,
+                    _DOUBLE_ROUNDING * largest,
                 )
         raise FirstOrderFails
 
@@ -338,7 +331,7 @@ class _RunWithError:
             uncertainty: The uncertainty of these errors.
         """
         if self.uncorrected:
-            return _LIMITS.half_width_margin * abs(errors) + uncertainty
+            return _HALF_WIDTH_MARGIN * abs(errors) + uncertainty
         return uncertainty + abs(values).astype(float) * float(self.wide_precision.epsilon)
 
     def _evaluate(self, times: Any) -> tuple[Any, Any, Any]:
@@ -360,7 +353,7 @@ class _RunWithError:
         """
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide_precision.array([record.time])
-        for _ in range(_LIMITS.crossing_newton_steps):
+        for _ in range(_CROSSING_NEWTON_STEPS):
             places, errors, uncertainty = self._evaluate(time)
             states = places + errors
             gradient, speed = self._gradient_and_rate(event, states)
@@ -370,18 +363,18 @@ class _RunWithError:
                 record.time
             ) * float(self.wide_precision.epsilon)
             time = time - change
-            if abs(float(change)) <= _LIMITS.negligible_share * unknown:
+            if abs(float(change)) <= _NEGLIGIBLE_SHARE * unknown:
                 break
         else:
             raise FirstOrderFails
         moved = abs(float((time - first)[0]))
         rates = self._defect.rates(states)
         ahead = self._gradient_and_rate(
-            event, states + rates * self.wide_precision.array([_LIMITS.rate_interval])
+            event, states + rates * self.wide_precision.array([_RATE_INTERVAL])
         )[1]
-        if not (moved + unknown) * abs(
-            ahead - speed
-        ) / _LIMITS.rate_interval < _LIMITS.negligible_share * abs(speed):
+        if not (moved + unknown) * abs(ahead - speed) / _RATE_INTERVAL < _NEGLIGIBLE_SHARE * abs(
+            speed
+        ):
             raise FirstOrderFails
         around = [
             self._start.event_value(event, (states + rates * self.wide_precision.array([w]))[:, 0])
@@ -389,7 +382,7 @@ class _RunWithError:
         ]
         if not float(around[0]) * float(around[1]) < 0 and all(map(float, around)):
             raise FirstOrderFails
-        width = _LIMITS.half_width_margin * moved + unknown if self.uncorrected else unknown
+        width = _HALF_WIDTH_MARGIN * moved + unknown if self.uncorrected else unknown
         moves = abs(rates[:, 0].astype(float)) * unknown
         off = (states - self.wide_precision.array(record.state)[:, None]).astype(float)
         widths = self._half_widths(states, off, uncertainty)[:, 0] + moves
@@ -409,13 +402,13 @@ class _RunWithError:
 
     def _gradient(self, event: Event, states: Any) -> Any:
         """Return the gradient (3, k) of an event's function at k states, by central differences."""
-        moves = _LIMITS.gradient_step * numpy.eye(3)[:, :, None]
+        moves = _GRADIENT_STEP * numpy.eye(3)[:, :, None]
         rows = [
             self._event_values_in_doubles(event, states + move)
             - self._event_values_in_doubles(event, states - move)
             for move in moves
         ]
-        return numpy.stack(rows) / (2 * _LIMITS.gradient_step)
+        return numpy.stack(rows) / (2 * _GRADIENT_STEP)
 
     def _event_values_in_doubles(self, event: Event, states: Any) -> Any:
         """Return the values (k,) of an event's function at k states, in doubles."""
@@ -462,15 +455,15 @@ class _RunWithError:
             )
             if lost[1:end].any() or turned != named:
                 raise FirstOrderFails
-            for k in _possible_touches(times, values, _LIMITS.possible_touch_share):
-                inside = numpy.linspace(times[k - 1], times[k + 1], _LIMITS.touch_samples)
+            for k in _possible_touches(times, values, _POSSIBLE_TOUCH_SHARE):
+                inside = numpy.linspace(times[k - 1], times[k + 1], _TOUCH_SAMPLES)
                 finer = self._event_values_in_doubles(
                     event,
                     self._defect.evaluate_at(inside.astype(self.wide_precision.number_type))[
                         0
                     ].astype(float),
                 )
-                if len(_possible_touches(inside, finer, _LIMITS.touch_share)):
+                if len(_possible_touches(inside, finer, _TOUCH_SHARE)):
                     raise FirstOrderFails
 
 
@@ -489,8 +482,8 @@ def _possible_touches(times: Any, values: Any, share: float) -> Any:
     with numpy.errstate(divide="ignore", invalid="ignore"):
         to_turn = -slope / (2 * bend)
         turn = middle + to_turn * slope / 2
-    among = (to_turn / left >= -_LIMITS.max_extremum_distance) & (
-        to_turn / right <= _LIMITS.max_extremum_distance
+    among = (to_turn / left >= -_MAX_EXTREMUM_DISTANCE) & (
+        to_turn / right <= _MAX_EXTREMUM_DISTANCE
     )
     near_zero = turn * numpy.sign(middle) < share * numpy.maximum(abs(before), abs(after))
     return numpy.flatnonzero((before * middle > 0) & (middle * after > 0) & among & near_zero) + 1
