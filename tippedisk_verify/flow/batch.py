@@ -210,35 +210,34 @@ class _CompiledBatch:
             (*self._events, FRICTION_SWITCH, SIN_BETA_REVERSAL) if law.two_sided else self._events
         )
         system, functions = build_system(variations, divergence, watched, shift, law)
-        options: dict[str, Any] = {}
-        if self._events:
-            options["nt_events"] = [
-                hy.nt_event_batch(
-                    functions[event.name],
-                    self._recorder(event.name, width),
-                    direction=direction_of(event),
-                )
-                for event in self._events
-            ]
+        recorded = [
+            hy.nt_event_batch(
+                functions[event.name],
+                self._recorder(event.name, width),
+                direction=direction_of(event),
+            )
+            for event in self._events
+        ]
         self._signs = FrictionSigns() if law.two_sided else None
+        changes = {}
         if self._signs is not None:
-            changes = {
-                FRICTION_SWITCH.name: self._signs.set_at_reversal,
-                SIN_BETA_REVERSAL.name: self._signs.flip_with_sin_beta,
-            }
-            options["t_events"] = [
-                hy.t_event_batch(
-                    functions[name],
-                    callback=self._changer(change, coinciding[name]),
-                    cooldown=MIN_TIME_ON_SURFACE,
-                )
-                for name, change in changes.items()
-            ]
+            changes[FRICTION_SWITCH.name] = self._signs.set_at_reversal
+            changes[SIN_BETA_REVERSAL.name] = self._signs.flip_with_sin_beta
+        switches = [
+            hy.t_event_batch(
+                functions[name],
+                callback=self._changer(change, coinciding[name]),
+                cooldown=MIN_TIME_ON_SURFACE,
+            )
+            for name, change in changes.items()
+        ]
         self._size = 3 + divergence + law.has_guard
         start = numpy.zeros((self._size, width))
         start[0] = start[1] = 1.0
         pars = numpy.ones((len(parameter_names(law)) + law.two_sided, width))
-        self._stepper: Any = hy.taylor_adaptive_batch(system, start, pars=pars, **options)
+        self._stepper: Any = hy.taylor_adaptive_batch(
+            system, start, pars=pars, t_events=switches, nt_events=recorded
+        )
         # After the state, the integral of the divergence starts at 0 and the derivatives at the
         # identity.
         self._rest = self._stepper.state[3:].copy()

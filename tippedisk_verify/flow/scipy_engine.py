@@ -40,8 +40,8 @@ __all__ = ["SCIPY_METHODS", "ScipyEngine", "ScipyMethod"]
 ScipyMethod = Literal["DOP853", "RK45", "Radau", "BDF", "LSODA"]
 SCIPY_METHODS: tuple[ScipyMethod, ...] = get_args(ScipyMethod)
 _TAKES_JACOBIAN = ("Radau", "BDF", "LSODA")
-#: solve_ivp refuses a relative tolerance below 100 ulps.
-MIN_TOLERANCE = 100 * 2.0**-52
+# solve_ivp refuses a relative tolerance below 100 ulps.
+_MIN_TOLERANCE = 100 * 2.0**-52
 _DEFAULT_TOLERANCE = 1e-13  # slightly above the tightest; all methods still converge smoothly there
 
 # A complex step whose square is negligible against 1, so that the derivative is exact to round-off.
@@ -83,7 +83,7 @@ class ScipyEngine:
         InputError: If SciPy has no such method, or it is not offered.
     """
 
-    #: False: this engine gives no half-widths, because SciPy has no reliable error estimate.
+    #: This engine gives no half-widths, because SciPy has no reliable error estimate.
     measures_error = False
     #: The integrators that this engine has compiled: none, because SciPy compiles nothing.
     builds: tuple[Build, ...] = ()
@@ -160,7 +160,7 @@ class ScipyEngine:
         if request.domain != "none" and FLAT not in detected_events:
             detected_events.append(FLAT)
         counted = _CountedRates(rates, initial, request.max_steps * _MAX_EVALUATIONS_PER_STEP)
-        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, MIN_TOLERANCE)
+        tolerance = max(request.tolerance or _DEFAULT_TOLERANCE, _MIN_TOLERANCE)
         events = [_event(event, start) for event in detected_events]
         # SciPy's error norms overflow where a motion leaves the doubles. A status reports it.
         silent = numpy.errstate(over="ignore", invalid="ignore", divide="ignore")

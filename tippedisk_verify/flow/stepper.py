@@ -60,7 +60,7 @@ class Series:
             steps: For each step the time of its end [s] and its polynomials (k, order + 1), those
                 of the state first.
         """
-        element = object if precision.kind == "real" else precision.number_type
+        element = precision.element_type
         self._precision = precision
         #: (n + 1,) [s]
         self.times = numpy.array([start, *(end for end, _ in steps)], dtype=element)

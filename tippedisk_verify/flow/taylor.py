@@ -53,6 +53,9 @@ class Taylor:
         InputError: If both ``high_accuracy`` and ``fast_math`` are chosen.
     """
 
+    name = "taylor"  #: the name of this engine in results
+    measures_error = True  #: this engine can give half-widths of its results
+
     def __init__(
         self,
         *,
@@ -71,16 +74,6 @@ class Taylor:
     def __reduce_ex__(self, protocol: Any) -> Any:
         """Pickle the default engine as the default engine of the other process."""
         return (default_engine, ()) if self is default_engine() else super().__reduce_ex__(protocol)
-
-    @property
-    def name(self) -> str:
-        """The name of this engine in results."""
-        return "taylor"
-
-    @property
-    def measures_error(self) -> bool:
-        """True: this engine can give half-widths of its results."""
-        return True
 
     @property
     def builds(self) -> tuple[Build, ...]:
@@ -102,13 +95,14 @@ class Taylor:
         """
         if request.events and starts_at_rest(request):
             return self(replace(request, events=()))
-        precision = request.precision
         events = request.events
         if request.domain == "event" and FLAT not in events:
             events = (*events, FLAT)
-        shape = (request.shifted, request.variations, request.divergence, events)
-        key = (precision, request.law, request.tolerance, *shape)
-        compact = self._compact if self._compact is not None else precision != DOUBLE
+        key = (
+            *(request.precision, request.law, request.tolerance, request.shifted),
+            *(request.variations, request.divergence, events),
+        )
+        compact = self._compact if self._compact is not None else request.precision != DOUBLE
         with self._integrators.reserved(
             key, lambda: CompiledStepper(request, events, self._options, compact)
         ) as stepper:
@@ -121,9 +115,7 @@ class Taylor:
                 "this start is so close to the floor that rounding decides whether "
                 "the disk leaves it"
             )
-        if request.error_estimate:
-            return self._with_error(request, result)
-        return result
+        return self._with_error(request, result) if request.error_estimate else result
 
     def _with_error(self, request: Request, result: Result) -> Result:
         """Return the result of a run with half-widths, from its defect or else from a run in wider

@@ -33,8 +33,6 @@ __all__ = [
     "Scene",
     "angle_from_inverted",
     "scene_named",
-    "section_amplitudes",
-    "top_leans",
 ]
 
 _HALF_PI = PI * Fraction(1, 2)
@@ -266,8 +264,14 @@ def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bo
         omega: The spinning speed [rad/s].
         inverted_stable: True if inverted spinning is stable.
     """
-    upright, amplitudes = section_amplitudes(times, result)
-    tops, leans = top_leans(times, result, omega)
+    # beta = pi/2
+    upright, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
+    amplitudes = abs(angle_from_inverted(states[:, 1]))
+    # gamma = pi/2 modulo 2 pi
+    tops, states = _crossings(
+        times, result, lambda y: angle_from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
+    )
+    leans = abs(states[:, 0] - math.pi / 2)
     # While beta stays on one side of pi/2, gamma is monotonic: gamma' = -Omega cos(beta).
     turns = leans[tops > upright[-1]] if len(upright) else leans
     if len(turns) >= _MIN_CROSSINGS:
@@ -321,42 +325,6 @@ def _rate(changes: list[float]) -> float:
     It is infinite for fewer than three changes.
     """
     return (changes[-1] / changes[0]) ** (1 / (len(changes) - 1)) if len(changes) > 2 else math.inf
-
-
-def section_amplitudes(times: Any, result: Result) -> tuple[Any, Any]:
-    """Return the times [s] at which an orbit passes beta = pi/2, and |gamma - pi/2| [rad] there.
-
-    The angle counts in the well of gamma. The start is left out.
-
-    Args:
-        times: (n,) the times of the samples [s].
-        result: The orbit, with samples and dense output.
-
-    Raises:
-        InputError: If the result has no dense output.
-    """
-    when, states = _crossings(times, result, lambda y: y[:, 0] - math.pi / 2, lambda y: y[:, 2])
-    return when, abs(angle_from_inverted(states[:, 1]))
-
-
-def top_leans(times: Any, result: Result, omega: float) -> tuple[Any, Any]:
-    """Return the times [s] at which an orbit passes gamma = pi/2 modulo 2 pi, and |beta - pi/2|
-    [rad] there.
-
-    The start is left out.
-
-    Args:
-        times: (n,) the times of the samples [s].
-        result: The orbit, with samples and dense output.
-        omega: The spinning speed [rad/s].
-
-    Raises:
-        InputError: If the result has no dense output.
-    """
-    when, states = _crossings(
-        times, result, lambda y: angle_from_inverted(y[:, 1]), lambda y: -omega * numpy.cos(y[:, 0])
-    )
-    return when, abs(states[:, 0] - math.pi / 2)
 
 
 def angle_from_inverted(gamma: Any) -> Any:

@@ -106,6 +106,11 @@ class Precision:
         return hy.real128 if self.kind == "quadruple" else hy.real
 
     @cached_property
+    def element_type(self) -> Any:
+        """The data type of an array's elements in this precision: MPFR numbers are objects."""
+        return object if self.kind == "real" else self.number_type
+
+    @cached_property
     def ops(self) -> Any:
         """A namespace with sin, cos, exp, log, sqrt and others for scalars of this precision."""
         import numpy
@@ -194,7 +199,7 @@ class Precision:
         if isinstance(values, str | bytes):
             raise InputError(f"a list of numbers is needed, not the text '{short_text(values)}'")
         refuse_units_and_masks(values)
-        return numpy.array([self.number(value) for value in values], dtype=self._element_type)
+        return numpy.array([self.number(value) for value in values], dtype=self.element_type)
 
     def as_array(self, values: Any) -> Any:
         """Convert any sequence of numbers to an array of this precision, as `array` does.
@@ -238,11 +243,6 @@ class Precision:
         import numpy
 
         return numpy.array(view.tolist(), dtype=object)
-
-    @cached_property
-    def _element_type(self) -> Any:
-        """The data type of the elements of an array of this precision."""
-        return object if self.kind == "real" else self.number_type
 
     def mpf(self, value: object) -> Any:
         """Convert a native number of this precision or a wider one to an mpmath number, exactly.
