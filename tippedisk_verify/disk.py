@@ -151,7 +151,9 @@ class Disk(Parameters):
         require_one_speed(
             omega=omega, below_crit=below_crit, above_het=above_het, below_het=below_het
         )
-        if above_het is None and below_het is None:
+        if omega is not None:
+            return checked_speed(omega)
+        if below_crit is not None:
             return self._speed(omega, below_crit, digits).value
         distance = fraction(below_het if above_het is None else above_het)
         if distance <= 0:

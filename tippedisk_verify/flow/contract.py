@@ -1,5 +1,5 @@
-"""The contract between the users of trajectories and the engines that compute them: requests,
-results, events, and statuses with their messages.
+"""The contract between the users of motions and the engines that compute them: requests, results,
+events, and statuses with their messages.
 
 The events that the package knows by name are here: crossings of a section, turns, sliding
 reversals, and lying flat. A `Request` describes a run, and an engine returns a `Result`. Nothing is

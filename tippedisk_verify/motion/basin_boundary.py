@@ -148,7 +148,7 @@ class BasinBoundary(Printable):
         Return infinity if the disk falls flat on the side of larger beta first, and minus infinity
         if it comes upright or falls flat on the other side.
         """
-        first = self._flight(state, _TRANSIENT, ())
+        first = self._integrate(state, _TRANSIENT, ())
         beta, gamma, v = first.state.tolist()
         if first.status is Status.FLAT:
             return math.inf if beta > math.pi / 2 else -math.inf
@@ -156,14 +156,14 @@ class BasinBoundary(Printable):
             return -math.inf
         # The turns of orbits farther inside take longer
         long = (turns + 2) * 4 * float(self.cycle.period)
-        result = self._flight((beta, gamma, v), long, (GAMMA_TOP, SECTION))
+        result = self._integrate((beta, gamma, v), long, (GAMMA_TOP, SECTION))
         tops = [record.state.tolist() for record in result.events if record.name == GAMMA_TOP.name]
         if len(tops) < turns:
             return math.inf if result.status is Status.FLAT else -math.inf
         beta, _, v = tops[turns - 1]
         return float(beta - math.pi / 2 - self._top[0] + self._weight * (v - self._top[1]))
 
-    def _flight(
+    def _integrate(
         self, state: tuple[float, float, float], duration: float, events: tuple[Event, ...]
     ) -> Result:
         """Integrate from a state for a duration [s], or until the disk lies flat or an event ends

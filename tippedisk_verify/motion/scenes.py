@@ -146,7 +146,7 @@ class Ending(Printable):
 
 @dataclass(frozen=True)
 class Orbit:
-    """One trajectory of a scene, with its attractor."""
+    """One orbit of a scene, with its outcome."""
 
     start: tuple[Exact, Exact, Exact]
     times: Any  #: (n,) [s]

@@ -27,9 +27,9 @@ from tippedisk_verify.numbers.exact import Approximate, fraction, rational_in_co
 
 __all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 
-#: A half-width in units of the distance to a sharper run. It holds the truth if the error of that
-#: run is at most half as large:
-#: |q - true| <= |q - sharp| + |sharp - true| <= |q - sharp| + |q - true| / 2.
+#: A half-width in units of the distance to a more accurate run. It holds the truth if the error of
+#: that run is at most half as large:
+#: |q - true| <= |q - accurate| + |accurate - true| <= |q - accurate| + |q - true| / 2.
 HALF_WIDTH_FACTOR = 2
 
 _MAX_POWER = 1000  # the largest power that is computed by multiplication
@@ -387,18 +387,18 @@ class Measured(Bounded):
         return cls(exact_value, _INFINITE)
 
     @classmethod
-    def compared(cls, value: object, sharper: object, epsilon: Fraction) -> Measured:
+    def compared(cls, value: object, accurate: object, epsilon: Fraction) -> Measured:
         """Return a value with a half-width from its distance to a run with more digits.
 
         The half-width is twice that distance (`HALF_WIDTH_FACTOR`) plus one ulp of the value.
 
         Args:
             value: The value of the run.
-            sharper: The same value of the run with more digits.
+            accurate: The same value of the run with more digits.
             epsilon: The relative size of an ulp.
         """
         mine = fraction(value)
-        return cls(mine, abs(mine - fraction(sharper)) * HALF_WIDTH_FACTOR + abs(mine) * epsilon)
+        return cls(mine, abs(mine - fraction(accurate)) * HALF_WIDTH_FACTOR + abs(mine) * epsilon)
 
     @property
     def is_measured(self) -> bool:

@@ -398,13 +398,13 @@ def reduced_omega_crit(parameters: Parameters, order: int, digits: int = 15) -> 
             return ctx.inf
 
     working = bits_for_digits(digits + 15)
-    rough, sharp = map(root, (working, working + 66))
-    if not max(abs(rough / start - 1), abs(sharp / start - 1)) < 0.1:
+    coarse, accurate = map(root, (working, working + 66))
+    if not max(abs(coarse / start - 1), abs(accurate / start - 1)) < 0.1:
         raise AccuracyError(
             f"the reduced flow of order {order} has no Hopf point near Omega_crit: epsilon is too "
             f"large"
         )
-    return Measured.compared(rough, sharp, Fraction(1, 2 ** (working - 1)))
+    return Measured.compared(coarse, accurate, Fraction(1, 2 ** (working - 1)))
 
 
 # ------------------------------------------------------------------- the accuracy of the series
@@ -476,21 +476,21 @@ def analyse_slow_manifold(
     point = _point(at)
     working = bits_for_digits(digits + 5)
     with gmpy2.context(precision=working):
-        rough = _expansion(parameters, speed, point, order, slopes=False).orders
+        coarse = _expansion(parameters, speed, point, order, slopes=False).orders
     with gmpy2.context(precision=working + 66):
-        sharp = _expansion(parameters, speed, point, order, slopes=False).orders
+        accurate = _expansion(parameters, speed, point, order, slopes=False).orders
     ulp = Fraction(1, 2 ** (working - 1))
     shrinking = tuple(Fraction(1, 10**k) for k in (5, 6, 7))
     residuals, *sizes = _largest_residuals(
         parameters, speed, order, (parameters.epsilon, *shrinking)
     )
     slopes = []
-    for coarse, middle, fine in zip(*sizes, strict=True):
+    for first, second, third in zip(*sizes, strict=True):
         # The error of the two-point exponent is a multiple of epsilon. A decade further a tenth of
         # it is left, so the change towards smaller epsilon shows nine tenths. (The change from
         # larger epsilon may vanish by chance, because the series need not be in its asymptotic
         # range there.)
-        exponent, next_exponent = math.log10(coarse / middle), math.log10(middle / fine)
+        exponent, next_exponent = math.log10(first / second), math.log10(second / third)
         slopes.append(
             Measured.of(exponent, 2 * abs(exponent - next_exponent) + exponent * 2.0**-50)
         )
@@ -508,9 +508,7 @@ def analyse_slow_manifold(
         omega=speed,
         beta=point[0],
         gamma=point[1],
-        h=tuple(
-            Measured.compared(coarse, fine, ulp) for coarse, fine in zip(rough, sharp, strict=True)
-        ),
+        h=tuple(Measured.compared(*pair, ulp) for pair in zip(coarse, accurate, strict=True)),
         residual=tuple(residual),
         residual_slope=tuple(slopes),
         best_order=best,
