@@ -41,7 +41,7 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
     """Return the series that the engine keeps for an error estimate."""
     kept: list[Any] = []
     monkeypatch.setattr(
-        "tippedisk_verify.flow.taylor.half_widths_from_defect",
+        "tippedisk_verify.flow.error_estimate.half_widths_from_defect",
         lambda _, result: kept.append(result.series),
     )
     taylor(replace(request, error_estimate=True))
@@ -171,7 +171,7 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
         found.append(answer is not None)
         return answer
 
-    monkeypatch.setattr("tippedisk_verify.flow.taylor.half_widths_from_defect", asked)
+    monkeypatch.setattr("tippedisk_verify.flow.error_estimate.half_widths_from_defect", asked)
     for level in (extreme, extreme + 1e-3, extreme - 1e-3):
         event = Event(
             "level",
