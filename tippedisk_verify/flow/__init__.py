@@ -35,8 +35,8 @@ def default_batch_engine() -> BatchTaylor:
 
     It is kept, so that each thread compiles only once.
     """
-    if not hasattr(_THREAD_ENGINES, "lanes"):
+    if not hasattr(_THREAD_ENGINES, "batch_engine"):
         from tippedisk_verify.flow.batch import BatchTaylor
 
-        _THREAD_ENGINES.lanes = BatchTaylor()
-    return _THREAD_ENGINES.lanes  # type: ignore[no-any-return]
+        _THREAD_ENGINES.batch_engine = BatchTaylor()
+    return _THREAD_ENGINES.batch_engine  # type: ignore[no-any-return]

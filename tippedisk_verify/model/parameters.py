@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import partial
 from os import PathLike
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, Self
+from typing import Any, NamedTuple, Self
 
 from tippedisk_verify.display import Printable, result_lines
 from tippedisk_verify.errors import InputError
@@ -247,8 +247,7 @@ class Parameters(Printable):
         Raises:
             InputError: If the friction law is not the linear one.
         """
-        if not self.law.is_linear:
-            self._refuse(what, "the linear friction law")
+        self._refuse_unless(self.law.is_linear, what, "the linear friction law")
 
     def refuse_two_sided_law(self, what: str) -> None:
         """Raise InputError unless the friction law is analytic at gamma_y = 0.
@@ -259,8 +258,7 @@ class Parameters(Printable):
         Raises:
             InputError: If the law has two analytic sides.
         """
-        if self.law.two_sided:
-            self._refuse(what, "analytic friction laws")
+        self._refuse_unless(not self.law.two_sided, what, "analytic friction laws")
 
     def refuse_own_law(self, what: str) -> None:
         """Raise InputError if the friction law is not one of the paper's.
@@ -271,14 +269,12 @@ class Parameters(Printable):
         Raises:
             InputError: If the friction law is a user's own.
         """
-        if self.friction not in LAWS:
-            self._refuse(what, "the paper's friction laws")
+        self._refuse_unless(self.friction in LAWS, what, "the paper's friction laws")
 
-    def _refuse(self, what: str, laws: str) -> NoReturn:
-        raise InputError(
-            f"{what} for {laws} only, not for "
-            + ("the smooth one" if self.friction in LAWS else f"'{self.friction}'")
-        )
+    def _refuse_unless(self, served: bool, what: str, laws: str) -> None:
+        if not served:
+            own = "the smooth one" if self.friction in LAWS else f"'{self.friction}'"
+            raise InputError(f"{what} for {laws} only, not for {own}")
 
     def decimals(self) -> dict[str, str]:
         """Return the disk's parameters by name, as decimal strings.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from typing import Any, overload
+from typing import Any
 
 import numpy
 
@@ -38,11 +38,7 @@ class EvenTimes(Sequence[Exact]):
     def __len__(self) -> int:
         return self._count
 
-    @overload
-    def __getitem__(self, index: int) -> Exact: ...
-    @overload
-    def __getitem__(self, index: slice) -> tuple[Exact, ...]: ...
-    def __getitem__(self, index: int | slice) -> Exact | tuple[Exact, ...]:
+    def __getitem__(self, index: Any) -> Any:
         numbers = range(self._count)[index]
         if isinstance(numbers, range):
             return tuple(self._start + self._step * number for number in numbers)
