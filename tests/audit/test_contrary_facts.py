@@ -97,7 +97,7 @@ def ends(scene: str, kind: Any) -> Plant:
     def plant(patch: pytest.MonkeyPatch, audit: Audit, claim: Claim) -> tuple[Audit, Claim]:
         true = audit.computed_scene(scene, "table1")
         first, second = true.orbits
-        contrary = replace(first, ending=replace(first.ending, kind=kind))
+        contrary = replace(first, outcome=replace(first.outcome, kind=kind))
         patch.setitem(audit._results, (scene, "table1"), replace(true, orbits=(contrary, second)))
         return audit, claim
 

@@ -34,11 +34,11 @@ def test_starts_on_either_side_end_where_it_says(taylor, omega, count) -> None:
         outside.append((sheet + outward * 1e-6, gamma, v))
     attractors = Attractors.at(PRINTED, Fraction(omega))
     standing = "rotating cycle" if omega == "30.04" else "inverted spinning"
-    for starts, ending in ((inside, standing), (outside, "lies flat")):
+    for starts, expected in ((inside, standing), (outside, "lies flat")):
         outcomes = integrate_outcomes(
             numpy.array(starts), PRINTED, Fraction(omega), 20.0, attractors
         )
-        assert [OUTCOMES[outcome] for outcome in outcomes] == [ending] * count
+        assert [OUTCOMES[outcome] for outcome in outcomes] == [expected] * count
 
 
 @pytest.mark.slow

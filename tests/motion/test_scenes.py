@@ -49,7 +49,7 @@ def test_every_orbit_ends_as_the_paper_says(taylor) -> None:
     omega_h = bisect_omega_h(CALIBRATED, taylor).omega_h
     for scene in SCENES:
         panel = compute_scene(scene, CALIBRATED, taylor, omega_h=omega_h)
-        assert [orbit.ending.kind for orbit in panel.orbits] == [EXPECTED[scene.name]] * 2
+        assert [orbit.outcome.kind for orbit in panel.orbits] == [EXPECTED[scene.name]] * 2
         assert panel.inverted_stable == (scene.name == "f")
         assert not panel.noninverted_stable
 
@@ -58,8 +58,8 @@ def test_flat_times_hold(taylor) -> None:
     panel = compute_scene(scene_named("a"), PRINTED, taylor, omega_h=GIVEN)
     for orbit in panel.orbits:
         truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=QUADRUPLE))
-        assert orbit.ending.time.holds(fraction(truth.time))
-        assert orbit.ending.time.uncertainty < Fraction(1, 10**11)
+        assert orbit.outcome.time.holds(fraction(truth.time))
+        assert orbit.outcome.time.uncertainty < Fraction(1, 10**11)
 
 
 @pytest.mark.parametrize("name", ["b", "d", "e"])
@@ -70,8 +70,8 @@ def test_amplitudes_hold(taylor, name) -> None:
     long = taylor(Request(PRINTED, panel.omega.value, INITIAL_STATES[0], 400.0, events=(crossing,)))
     settled = abs(long.events[-1].state[1] - numpy.pi / 2)
     for orbit in panel.orbits:
-        assert orbit.ending.amplitude.holds(float(settled))
-        assert orbit.ending.amplitude.uncertainty < Fraction(1, 1000)
+        assert orbit.outcome.amplitude.holds(float(settled))
+        assert orbit.outcome.amplitude.uncertainty < Fraction(1, 1000)
 
 
 def orbits_at(omega, parameters, engine):
@@ -90,10 +90,10 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
     omega = bisect_omega_h(disk, taylor, confirm=False).omega_h.value - Fraction(1, 50)
     cycle = rotating_cycle_at(disk, omega, taylor)
     for orbit in orbits_at(omega, disk, taylor):
-        assert orbit.ending.kind == "rotating limit cycle"
-        assert orbit.ending.amplitude.contains(cycle.beta_bar_top)
-        assert orbit.ending.amplitude.uncertainty < Fraction(1, 10**10)
-        assert set(orbit.ending.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
+        assert orbit.outcome.kind == "rotating limit cycle"
+        assert orbit.outcome.amplitude.contains(cycle.beta_bar_top)
+        assert orbit.outcome.amplitude.uncertainty < Fraction(1, 10**10)
+        assert set(orbit.outcome.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
 
 
 @pytest.mark.slow(minutes=0.3)
@@ -105,21 +105,23 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
     disk = PRINTED.with_friction(friction)
     fold = rotation_fold(cached_locator(disk, taylor).rotating_family).omega.value
     for distance in ("-3e-5", "-1e-7"):
-        kinds = {orbit.ending.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
+        kinds = {orbit.outcome.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
         assert kinds <= {"flat", "undecided"}, distance
     for distance in ("1e-5", "1e-3"):
         truth = rotating_cycle_at(disk, fold + Fraction(distance), taylor).beta_bar_top
-        for ending in (
-            orbit.ending for orbit in orbits_at(fold + Fraction(distance), disk, taylor)
+        for outcome in (
+            orbit.outcome for orbit in orbits_at(fold + Fraction(distance), disk, taylor)
         ):
-            rotates = ending.kind == "rotating limit cycle"
-            assert rotates or (ending.kind == "undecided" and Fraction(distance) < Fraction("5e-5"))
-            assert not rotates or ending.amplitude.contains(truth)
+            rotates = outcome.kind == "rotating limit cycle"
+            assert rotates or (
+                outcome.kind == "undecided" and Fraction(distance) < Fraction("5e-5")
+            )
+            assert not rotates or outcome.amplitude.contains(truth)
 
 
 def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
     """Check next to Omega_h, where the first orbit turns several times before a well keeps it."""
     far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
     assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
-    one, other = far.ending.amplitude, near.ending.amplitude
+    one, other = far.outcome.amplitude, near.outcome.amplitude
     assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < Fraction(1, 10**10)

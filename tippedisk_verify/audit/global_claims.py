@@ -15,32 +15,32 @@ from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model import equations
-from tippedisk_verify.motion.scenes import INITIAL_STATES, Ending
+from tippedisk_verify.motion.scenes import INITIAL_STATES, OrbitOutcome
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
 __all__ = ["GLOBAL_CLAIMS"]
 
 
-def _scene_endings(scene: str, audit: Audit, set_name: str, printed: str) -> Answer:
+def _scene_outcomes(scene: str, audit: Audit, set_name: str, printed: str) -> Answer:
     """Check that all orbits of a panel end as printed.
 
-    Return their endings, and None if one is undecided. Orbits that are repelled from one well may
+    Return their outcomes, and None if one is undecided. Orbits that are repelled from one well may
     also end on a rotating cycle.
     """
-    endings = [orbit.ending for orbit in audit.computed_scene(scene, set_name).orbits]
+    outcomes = [orbit.outcome for orbit in audit.computed_scene(scene, set_name).orbits]
     expected = ("flat", "rotating limit cycle") if printed == "repelled" else (printed,)
-    undecided = any(ending.kind == "undecided" for ending in endings)
-    outcome = None if undecided else all(ending.kind in expected for ending in endings)
-    return "; ".join(_ending_text(ending) for ending in endings), outcome
+    undecided = any(outcome.kind == "undecided" for outcome in outcomes)
+    holds = None if undecided else all(outcome.kind in expected for outcome in outcomes)
+    return "; ".join(_outcome_text(outcome) for outcome in outcomes), holds
 
 
-def _ending_text(ending: Ending) -> str:
-    if ending.time is not None:
-        return f"flat at {float(ending.time):.3f} s past {ending.wells_passed} noninverted states"
-    if ending.amplitude is not None:
-        return f"{ending.kind}, {float(ending.amplitude):.4f} rad"
-    return ending.kind
+def _outcome_text(outcome: OrbitOutcome) -> str:
+    if outcome.time is not None:
+        return f"flat at {float(outcome.time):.3f} s past {outcome.wells_passed} noninverted states"
+    if outcome.amplitude is not None:
+        return f"{outcome.kind}, {float(outcome.amplitude):.4f} rad"
+    return outcome.kind
 
 
 def _stable_and_monotone(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
@@ -179,7 +179,7 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
         "fig:sub_hom",
         "below Omega_h solutions are repelled by inverted spinning",
         "repelled",
-        partial(_scene_endings, "a"),
+        partial(_scene_outcomes, "a"),
         note="orbits go on past noninverted states; the model ends where the disk lies flat",
         methods=("trajectories",),
         formula=r"\Omega = \Omega_\text{h} - 0.1",
@@ -190,14 +190,14 @@ GLOBAL_CLAIMS: tuple[Claim, ...] = (
             f"scene_{name}",
             f"fig:{label}",
             statement,
-            ending,
-            partial(_scene_endings, name),
+            outcome,
+            partial(_scene_outcomes, name),
             note="where each orbit ends; for a cycle, gamma's amplitude at beta = pi/2",
             methods=("trajectories",),
             formula=formula,
             figures=(*figures, "scenes_3d", "scenes_2d"),
         )
-        for name, label, (statement, ending, *figures), formula in (
+        for name, label, (statement, outcome, *figures), formula in (
             ("b", "hom", _ON_THE_CYCLE, r"\Omega = \Omega_\text{h} + 0.01"),
             ("c", "sup_hom", _ON_THE_CYCLE, r"\Omega = \Omega_\text{h} + 0.1"),
             ("d", "sup_hom_sub_crit", _ON_THE_CYCLE, r"\Omega = \Omega_\text{crit} - 0.5"),

@@ -56,7 +56,7 @@ def scene(common: DiskOptions, names: Sequence[str], out: str | None, omega_h: s
         "parameters": disk.name,
         "friction": disk.law.name,
     }
-    common.show(result, (line for panel in panels.values() for line in _ending_lines(panel)))
+    common.show(result, (line for panel in panels.values() for line in _outcome_lines(panel)))
     return 0
 
 
@@ -71,13 +71,13 @@ def _write_scenes(panels: Sequence[ComputedScene], folder: Path) -> None:
             write_csv(folder / name, header, rows)
 
 
-def _ending_lines(panel: ComputedScene) -> list[str]:
+def _outcome_lines(panel: ComputedScene) -> list[str]:
     """Return lines of text that tell what each orbit of a scene ends on."""
     lines = [f"scene {panel.scene.name}: Omega = {panel.omega} rad/s"]
     for start, orbit in enumerate(panel.orbits, start=1):
-        ending = orbit.ending
-        when = f" at {ending.time} s" if ending.time is not None else ""
-        lines.append(f"  orbit {start}: {ending.kind}{when} ({ending.reason})")
+        outcome = orbit.outcome
+        when = f" at {outcome.time} s" if outcome.time is not None else ""
+        lines.append(f"  orbit {start}: {outcome.kind}{when} ({outcome.reason})")
     return lines
 
 

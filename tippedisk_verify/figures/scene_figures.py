@@ -63,16 +63,16 @@ def last_period(panel: ComputedScene) -> Any:
     """
     import numpy
 
-    settled = [orbit for orbit in panel.orbits if orbit.ending.amplitude]
+    settled = [orbit for orbit in panel.orbits if orbit.outcome.amplitude]
     if not settled:
         return None
     best = min(
         settled,
         key=lambda orbit: (
-            float(orbit.ending.amplitude.uncertainty) if orbit.ending.amplitude else 1.0
+            float(orbit.outcome.amplitude.uncertainty) if orbit.outcome.amplitude else 1.0
         ),
     )
-    if best.ending.kind == "rotating limit cycle":
+    if best.outcome.kind == "rotating limit cycle":
         well = numpy.floor((best.states[:, 1] + math.pi / 2) / (2 * math.pi))
         first, last = numpy.flatnonzero(numpy.diff(well))[-2:] + 1
         return best.states[first:last] - [0, 2 * math.pi * well[first], 0]

@@ -255,25 +255,25 @@ def integrate_outcomes(
         duration: The time of a run [s].
         attractors: The attractors at the speed.
     """
-    outcome = numpy.full(len(states), _UNDECIDED, dtype=numpy.int8)
+    outcomes = numpy.full(len(states), _UNDECIDED, dtype=numpy.int8)
     moving = numpy.flatnonzero(numpy.sin(states[:, 0]) > 0)
-    outcome[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
+    outcomes[numpy.sin(states[:, 0]) <= 0] = _FLAT_INDEX
     now = states[moving]
     until, elapsed = max(0.0, duration - attractors.deciding_time), 0.0
     while elapsed < _MAX_RUN * duration and len(moving):
         deciding = elapsed >= until
         stretch = attractors.deciding_time if deciding else min(_STRETCH_TIME, until - elapsed)
         now, flat, crossings = _run(parameters, omega, now, stretch, record=deciding)
-        outcome[moving[flat]] = _FLAT_INDEX
+        outcomes[moving[flat]] = _FLAT_INDEX
         going = ~flat
         if deciding:
             for n in numpy.flatnonzero(going).tolist():
-                ending = attractors.outcome_of(crossings[n])
-                outcome[moving[n]] = OUTCOMES.index(ending)
-                going[n] = ending == "undecided"
+                outcome = attractors.outcome_of(crossings[n])
+                outcomes[moving[n]] = OUTCOMES.index(outcome)
+                going[n] = outcome == "undecided"
         moving, now = moving[going], now[going]
         elapsed += stretch
-    return outcome
+    return outcomes
 
 
 def _run(

@@ -1,4 +1,4 @@
-"""The six panels of the paper's Figures 3D and proj_3D: two orbits each, with their attractors.
+"""The six panels of the paper's Figures 3D and proj_3D: two orbits each, with their outcomes.
 
 A scene declares its needs. Panels b to f need a plain integrator and samples. Orbits of panel a
 leave the model, so it needs the event sin(beta) = 0 as well. Nothing else is built for them.
@@ -28,8 +28,8 @@ __all__ = [
     "INITIAL_STATES",
     "SCENES",
     "ComputedScene",
-    "Ending",
     "Orbit",
+    "OrbitOutcome",
     "Scene",
     "angle_from_inverted",
     "scene_named",
@@ -46,7 +46,7 @@ INITIAL_STATES: tuple[tuple[Exact, Exact, Exact], ...] = (
 # below 1e-4 of itself.
 _DURATION = 120
 _SAMPLES_PER_SECOND = 100
-_MIN_CROSSINGS = 12  # the number of crossings that decide the attractor
+_MIN_CROSSINGS = 12  # the number of crossings that decide the outcome
 _MAX_BEND = 0.5  # at this bend the parabola's zero is a sixth farther than the line's
 # A section amplitude below this is close to the inverted state [rad].
 _MIN_AMPLITUDE = 0.05
@@ -54,7 +54,7 @@ _MIN_AMPLITUDE = 0.05
 # steps. An orbit near an attracting cycle keeps only the latest rounding errors, of inputs too.
 _CROSSING_ERROR = 1e-12
 
-AttractorKind = Literal[
+OutcomeKind = Literal[
     "inverted spinning", "limit cycle", "rotating limit cycle", "flat", "undecided"
 ]
 # The name of an amplitude in JSON.
@@ -125,10 +125,10 @@ def scene_named(name: str) -> Scene:
 
 
 @dataclass(frozen=True, repr=False)
-class Ending(Printable):
-    """The attractor on which an orbit ends, by the criterion of `classify_orbit`."""
+class OrbitOutcome(Printable):
+    """The outcome of an orbit by the criterion of `classify_orbit`: the attractor, if it has one."""
 
-    kind: AttractorKind
+    kind: OutcomeKind
     reason: str
     time: Measured | None = None  #: when the disk lies flat [s]
     #: |gamma - pi/2| of the limit cycle at beta = pi/2, |beta - pi/2| of the rotating one at gamma
@@ -138,7 +138,7 @@ class Ending(Printable):
     wells_passed: int | None = None
 
     def to_dict(self) -> dict[str, object]:
-        """Return the attractor on which an orbit ends as data for JSON, without empty entries."""
+        """Return the outcome of an orbit as data for JSON, without empty entries."""
         values = super().to_dict()
         values[_AMPLITUDES.get(self.kind, "amplitude")] = values.pop("amplitude")
         return {name: value for name, value in values.items() if value is not None}
@@ -151,7 +151,7 @@ class Orbit:
     start: tuple[Exact, Exact, Exact]
     times: Any  #: (n,) [s]
     states: Any  #: (n, 3) [rad, rad, rad/s]
-    ending: Ending
+    outcome: OrbitOutcome
     steps: int
 
 
@@ -168,14 +168,14 @@ class ComputedScene(Printable):
     compiled: tuple[Build, ...]  #: the compiled integrators used
 
     def to_dict(self) -> dict[str, object]:
-        """Return the scene's speed, its orbits' attractors and the compiled integrators as data for
+        """Return the scene's speed, its orbits' outcomes and the compiled integrators as data for
         JSON.
         """
         relative = self.scene.base == "Omega_h"
         return {
             "omega": self.omega.to_dict(),
             **({"omega_h": (self.omega - self.scene.offset).to_dict()} if relative else {}),
-            "attractor": [orbit.ending.to_dict() for orbit in self.orbits],
+            "attractor": [orbit.outcome.to_dict() for orbit in self.orbits],
             "compiled": [build.to_dict() for build in self.compiled],
         }
 
@@ -183,7 +183,7 @@ class ComputedScene(Printable):
 def compute_scene(
     scene: Scene, parameters: Parameters, engine: Engine, *, omega_h: Measured | None = None
 ) -> ComputedScene:
-    """Integrate the orbits of a scene of the paper and determine their attractors.
+    """Integrate the orbits of a scene of the paper and determine their outcomes.
 
     Args:
         scene: The panel.
@@ -192,7 +192,7 @@ def compute_scene(
         omega_h: Omega_h [rad/s], which some panels need.
 
     Returns:
-        The panel with both orbits and their attractors.
+        The panel with both orbits and their outcomes.
 
     Raises:
         InputError: If the panel needs an Omega_h and none is given, or the engine does not measure
@@ -227,12 +227,12 @@ def compute_scene(
             )
         compiled |= dict.fromkeys(result.built)
         if result.status is Status.FLAT:
-            ending, timed = _flat(request, engine, omega)
+            outcome, timed = _flat(request, engine, omega)
             compiled |= dict.fromkeys(timed.built)
         else:
-            ending = classify_orbit(result, times, float(omega), stable)
+            outcome = classify_orbit(result, times, float(omega), stable)
         count = len(result.samples)
-        orbits.append(Orbit(start, times[:count], result.samples, ending, result.steps))
+        orbits.append(Orbit(start, times[:count], result.samples, outcome, result.steps))
     return ComputedScene(
         scene=scene,
         parameters=parameters,
@@ -244,8 +244,8 @@ def compute_scene(
     )
 
 
-def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bool) -> Ending:
-    """Return the attractor of an orbit that keeps standing.
+def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bool) -> OrbitOutcome:
+    """Return the outcome of an orbit that keeps standing.
 
     The amplitudes A_n = |gamma - pi/2| modulo 2 pi at the crossings of beta = pi/2 decide. By the
     point symmetry each is the same function of the previous one.
@@ -277,19 +277,19 @@ def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bo
     if len(turns) >= _MIN_CROSSINGS:
         return _on_a_cycle("rotating limit cycle", turns.tolist())
     if len(amplitudes) < _MIN_CROSSINGS:
-        return Ending(
+        return OrbitOutcome(
             "undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"
         )
     recent = amplitudes[-11:]
     if inverted_stable and numpy.diff(recent).max() < 0 and recent[-1] < _MIN_AMPLITUDE:
-        return Ending(
+        return OrbitOutcome(
             "inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"
         )
     return _on_a_cycle("limit cycle", amplitudes.tolist())
 
 
-def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
-    """Return the ending "on a cycle of this kind" if the orbit's amplitudes converge to a cycle,
+def _on_a_cycle(kind: OutcomeKind, amplitudes: list[float]) -> OrbitOutcome:
+    """Return the outcome "on a cycle of this kind" if the orbit's amplitudes converge to a cycle,
     otherwise "undecided".
     """
     error = _CROSSING_ERROR
@@ -300,7 +300,7 @@ def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
     significant = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
     ratio = _rate(significant)
     if ratio >= 1:
-        return Ending("undecided", "section amplitudes have not settled; integrate longer")
+        return OrbitOutcome("undecided", "section amplitudes have not settled; integrate longer")
     # Close to the cycle the change is a linear function of the amplitude. A parabola through the
     # two halves has a zero, too, if the bend is below 1. The bend is 1 at a fold of cycles, below
     # which orbits slow down and then go on.
@@ -309,14 +309,18 @@ def _on_a_cycle(kind: AttractorKind, amplitudes: list[float]) -> Ending:
     if max(early, late) < 1:
         bend = 4 * significant[-1] * (late - early) / (sum(significant) * (1 - late) ** 2)
     if bend > _MAX_BEND:
-        return Ending("undecided", "section amplitudes settle ever more slowly; integrate longer")
+        return OrbitOutcome(
+            "undecided", "section amplitudes settle ever more slowly; integrate longer"
+        )
     remaining = max(abs(changes[-1]), error) * ratio / (1 - ratio)
     limit = amplitudes[-1] + math.copysign(remaining, changes[-1])
     if limit > _MIN_AMPLITUDE and remaining < limit / 100:
         # Twice the remaining distance, because the ratio is an estimate.
         amplitude = Measured.of(limit, 2 * remaining + error)
-        return Ending(kind, "section amplitudes converge geometrically", amplitude=amplitude)
-    return Ending("undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away")
+        return OrbitOutcome(kind, "section amplitudes converge geometrically", amplitude=amplitude)
+    return OrbitOutcome(
+        "undecided", f"section amplitudes tend to {limit:.3g} rad, {remaining:.1g} away"
+    )
 
 
 def _rate(changes: list[float]) -> float:
@@ -360,8 +364,8 @@ def _crossings(
     return when, result.dense(when)
 
 
-def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Result]:
-    """Return the ending of an orbit whose disk lies flat, and the result of the run that timed it.
+def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[OrbitOutcome, Result]:
+    """Return the outcome of an orbit whose disk lies flat, and the result of the run that timed it.
 
     The time's half-width holds the error of the integration and the effect of the speed's own
     uncertainty. Raises AccuracyError if rounding decides whether the disk lies flat.
@@ -379,4 +383,4 @@ def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[Ending, Re
     wells = math.floor(abs(float(timed.state[1]) - math.pi / 2) / (2 * math.pi) + 0.5)
     states = "noninverted state" if wells == 1 else "noninverted states"
     reason = f"passed {wells} {states}, then sin(beta) = 0"
-    return Ending("flat", reason, time=time, wells_passed=wells), timed
+    return OrbitOutcome("flat", reason, time=time, wells_passed=wells), timed
