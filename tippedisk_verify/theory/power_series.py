@@ -9,11 +9,18 @@ of arithmetic grows like a power of the degree, where symbolic expressions would
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
+from operator import itemgetter
 from types import SimpleNamespace
 from typing import Any
 
-__all__ = ["SERIES_OPS", "AngleSeries", "PowerSeries"]
+import numpy
+
+__all__ = ["ANGLE_OPS", "PowerSeries", "sine_and_cosine"]
+
+#: The functions of angles that are given as pairs of their sine and cosine; ``plain`` are those
+#: for a friction law, whose argument is not an angle.
+ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
 
 
 class PowerSeries:
@@ -122,49 +129,29 @@ class PowerSeries:
         return self._like(slopes)
 
 
-class AngleSeries:
-    """An angle as a series, with the sine and cosine of its constant term.
+def sine_and_cosine(angle: PowerSeries, sine: Any, cosine: Any) -> tuple[PowerSeries, PowerSeries]:
+    """Return the sine and cosine of an angle as power series, from s' = c a' and c' = -s a' along
+    each ray.
 
-    The constant term of the series itself is not used.
+    Along a ray a derivative multiplies a coefficient by its degree.
 
     Args:
-        series: The angle.
-        sine, cosine: The sine and cosine of its constant term.
+        angle: The angle as a series. Its constant term is not used.
+        sine, cosine: The sine and cosine of the constant term.
     """
-
-    def __init__(self, series: PowerSeries, sine: Any, cosine: Any) -> None:
-        self.series, self.start = series, (sine, cosine)
-
-    @cached_property
-    def sine_and_cosine(self) -> tuple[PowerSeries, PowerSeries]:
-        """The sine and cosine of the angle as power series, from s' = c a' and c' = -s a' along
-        each ray.
-
-        Along a ray a derivative multiplies a coefficient by its degree.
-        """
-        series = self.series
-        degrees = _degrees(series.variables, len(series.coefficients))
-        slopes = _nonzero(
-            [degree * a for degree, a in zip(degrees, series.coefficients, strict=True)]
-        )
-        sine, cosine = ([start] + [0 * start] * (len(degrees) - 1) for start in self.start)
-        for index, targets in enumerate(_products(series.variables, len(degrees))):
-            if index:
-                sine[index] /= degrees[index]
-                cosine[index] /= degrees[index]
-            for k, slope in slopes:
-                if k >= len(targets):
-                    break
-                sine[targets[k]] += slope * cosine[index]
-                cosine[targets[k]] -= slope * sine[index]
-        return series._like(sine), series._like(cosine)
-
-
-#: The namespace of the equations of motion for angles that are series.
-SERIES_OPS: Any = SimpleNamespace(
-    sin=lambda angle: angle.sine_and_cosine[0],
-    cos=lambda angle: angle.sine_and_cosine[1],
-)
+    degrees = _degrees(angle.variables, len(angle.coefficients))
+    slopes = _nonzero([degree * a for degree, a in zip(degrees, angle.coefficients, strict=True)])
+    sines, cosines = ([start] + [0 * start] * (len(degrees) - 1) for start in (sine, cosine))
+    for index, targets in enumerate(_products(angle.variables, len(degrees))):
+        if index:
+            sines[index] /= degrees[index]
+            cosines[index] /= degrees[index]
+        for k, slope in slopes:
+            if k >= len(targets):
+                break
+            sines[targets[k]] += slope * cosines[index]
+            cosines[targets[k]] -= slope * sines[index]
+    return PowerSeries(sines, angle.variables), PowerSeries(cosines, angle.variables)
 
 
 def _nonzero(coefficients: Sequence[Any]) -> list[tuple[int, Any]]:

@@ -24,8 +24,6 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from itertools import pairwise, product
-from operator import itemgetter
-from types import SimpleNamespace
 from typing import Any
 
 import numpy
@@ -35,12 +33,10 @@ from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.numbers.precision import EXTENDED
+from tippedisk_verify.theory.power_series import ANGLE_OPS
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
-__all__ = ["ANGLE_OPS", "ChartFamily", "SaddleChart", "angles_and_v", "solve_linear"]
-
-#: The functions of angles that are given as pairs of their sine and cosine.
-ANGLE_OPS: Any = SimpleNamespace(sin=itemgetter(0), cos=itemgetter(1), plain=numpy)
+__all__ = ["ChartFamily", "SaddleChart", "angles_and_v", "solve_linear"]
 
 _WORKING_BITS = 96  # of eigenvalues and eigenvectors, beyond the 64 of the series
 _SPEED_NODES = 6  # at Chebyshev's nodes: charts hardly bend with the speed

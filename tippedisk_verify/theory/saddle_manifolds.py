@@ -40,7 +40,7 @@ from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.exact import fraction, rational_in_context
 from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import eigenvalues, linearization, right_eigenvector
-from tippedisk_verify.theory.power_series import SERIES_OPS, AngleSeries, PowerSeries
+from tippedisk_verify.theory.power_series import ANGLE_OPS, PowerSeries, sine_and_cosine
 
 __all__ = ["Saddle", "refuse_focus"]
 
@@ -160,7 +160,7 @@ class Saddle:
         ctx, eigenvalue = self.context, self.eigenvalues[direction_index]
         curve = [[ctx.zero, self.eigenvectors[row, direction_index]] for row in range(3)]
         step = self._power_step
-        rates_of = vector_field(SERIES_OPS, self.constants, self.speed, *self._law(direction_index))
+        rates_of = vector_field(ANGLE_OPS, self.constants, self.speed, *self._law(direction_index))
         for power in range(1 + step, self.order + 1, step):
             for component in curve:
                 component.extend([ctx.zero] * step)
@@ -226,15 +226,15 @@ class Saddle:
 
     def _state(
         self, curve: Sequence[Sequence[Any]]
-    ) -> tuple[AngleSeries, AngleSeries, PowerSeries]:
+    ) -> tuple[tuple[PowerSeries, PowerSeries], tuple[PowerSeries, PowerSeries], PowerSeries]:
         """Return the angles beta and gamma and v of a curve of states about (pi/2, -pi/2, 0), as
         power series.
 
-        The sines and cosines of the angles' constant terms are exact.
+        Each angle is a pair of its sine and cosine.
         """
         zero, one = self.context.zero, self.context.one
         beta, gamma, v = map(PowerSeries, curve)
-        return AngleSeries(beta, one, zero), AngleSeries(gamma, -one, zero), v
+        return sine_and_cosine(beta, one, zero), sine_and_cosine(gamma, -one, zero), v
 
     @cached_property
     def fast_direction(self) -> list[PowerSeries]:
@@ -288,7 +288,7 @@ class Saddle:
     @cached_property
     def _jacobian_on_stable_curve(self) -> Any:
         curve = [component.coefficients for component in self.stable_curve]
-        slopes = jacobian(SERIES_OPS, self.constants, self.speed, *self._law(1))
+        slopes = jacobian(ANGLE_OPS, self.constants, self.speed, *self._law(1))
         return slopes(*self._state(curve))
 
     def convergence_radius(self, *curves: Sequence[PowerSeries]) -> Any:

@@ -43,7 +43,7 @@ from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits, precision_of_bits
 from tippedisk_verify.theory.equilibria import EquilibriumName, equilibrium_state
 from tippedisk_verify.theory.hopf import omega_crit
-from tippedisk_verify.theory.power_series import AngleSeries, PowerSeries
+from tippedisk_verify.theory.power_series import PowerSeries, sine_and_cosine
 
 __all__ = [
     "RESIDUAL_POINTS",
@@ -196,9 +196,7 @@ class SlowManifoldSeries:
             coordinate = [0 * angle] * ((degree + 1) * (degree + 2) // 2)
             if degree:
                 coordinate[1 + axis] += 1
-            sines += AngleSeries(
-                PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle)
-            ).sine_and_cosine
+            sines += sine_and_cosine(PowerSeries(coordinate, 2), ops.sin(angle), ops.cos(angle))
         sin_b, cos_b, sin_g, cos_g = sines
         rho = c.e * sin_g + c.r
         lever, grip = rho * cos_b, rho * sin_b

@@ -34,8 +34,8 @@ from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.numbers.precision import EXTENDED
+from tippedisk_verify.theory.power_series import ANGLE_OPS
 from tippedisk_verify.theory.saddle_chart import (
-    ANGLE_OPS,
     ChartFamily,
     SaddleChart,
     angles_and_v,
