@@ -29,7 +29,7 @@ from tippedisk_verify.flow.system import (
     direction_of,
     parameter_names,
 )
-from tippedisk_verify.model.equations import shifted_ops as _shifted
+from tippedisk_verify.model.equations import shifted_ops
 from tippedisk_verify.model.friction import Friction, FrictionLaw, law_of
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.arrays import Array, to_double_array
@@ -151,7 +151,7 @@ class BatchTaylor:
         if not result.crossings:
             return result
         by_name = {event.name: event for event in events}
-        ops = _shifted(math) if shifted else math
+        ops = shifted_ops(math) if shifted else math
 
         def is_start(name: str, run: int, when: float, state: tuple[float, ...]) -> bool:
             """Return True if a recorded crossing is not a true one: the run starts, or rests, on
@@ -203,7 +203,7 @@ class _CompiledBatch:
         self._events = [
             event for event in events if all(event not in own for own in coinciding.values())
         ]
-        self._ops, self._law = _shifted(numpy) if shift else numpy, law
+        self._ops, self._law = shifted_ops(numpy) if shift else numpy, law
         self._variations, self._divergence = len(variations), divergence
         self._crossings: list[_Crossing] = []
         watched = (

@@ -47,7 +47,7 @@ _SMALL_TERM = 2.0**-10
 _NEIGHBOUR_STEPS = 8
 # The places of the distance, as shares of a step: inside a step errors are less exact than at its
 # ends.
-_STEP_FRACTIONS = numpy.linspace(0, 1, 9)
+_STEP_SHARES = numpy.linspace(0, 1, 9)
 
 
 class Defect:
@@ -174,9 +174,7 @@ class Defect:
         Args:
             other: The error of the same run with fewer nodes.
         """
-        distances = abs(self._evaluate(_STEP_FRACTIONS) - other._evaluate(_STEP_FRACTIONS)).max(
-            axis=1
-        )
+        distances = abs(self._evaluate(_STEP_SHARES) - other._evaluate(_STEP_SHARES)).max(axis=1)
         padded = numpy.pad(
             distances, ((_NEIGHBOUR_STEPS, _NEIGHBOUR_STEPS + 1), (0, 0)), mode="edge"
         )
@@ -212,10 +210,10 @@ class Defect:
         integrals = _integrals(since.astype(float) / lengths, self._basis).T * lengths
         for integral, rates in zip(integrals, self._rates.transpose(1, 2, 0), strict=True):
             errors += integral * numpy.repeat(rates, counts, axis=1)
-        roundings, left_out = (
+        roundings, collocation_errors = (
             numpy.repeat(of, counts, axis=1) for of in self._error_uncertainties()
         )
-        return self._polynomial(since, counts), errors, roundings, left_out
+        return self._polynomial(since, counts), errors, roundings, collocation_errors
 
     def evaluate_at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
         """Return the run's states and their estimated errors at the collocation nodes of all steps,
@@ -226,11 +224,11 @@ class Defect:
             and the collocation error, each (3, k).
         """
         times = self._series.times[:-1, None] + self._steps * self._places
-        roundings, left_out = (
+        roundings, collocation_errors = (
             numpy.repeat(of, len(self._places), axis=1) for of in self._error_uncertainties()
         )
         errors = self._evaluate(self._places).reshape(-1, 3).T
-        return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, left_out
+        return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, collocation_errors
 
     def _error_uncertainties(self) -> list[Any]:
         """Return the two parts of the uncertainty of the errors in each step, both (3, n).

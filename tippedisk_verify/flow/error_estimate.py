@@ -338,11 +338,11 @@ class _RunWithError:
         """Return the states of the run's polynomials, their errors and the errors' uncertainty,
         each (3, k), at times (k,) in the wide arithmetic.
         """
-        states, errors, roundings, nodes = self._defect.evaluate_at(times)
-        return states, errors, self._error_uncertainty(roundings, nodes)
+        states, errors, roundings, collocation_errors = self._defect.evaluate_at(times)
+        return states, errors, self._error_uncertainty(roundings, collocation_errors)
 
-    def _error_uncertainty(self, roundings: Any, nodes: Any) -> Any:
-        return self._uncertainty_in_roundings * roundings + HALF_WIDTH_FACTOR * nodes
+    def _error_uncertainty(self, roundings: Any, collocation_errors: Any) -> Any:
+        return self._uncertainty_in_roundings * roundings + HALF_WIDTH_FACTOR * collocation_errors
 
     def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion crosses an event's surface, with half-widths, from the
@@ -354,8 +354,8 @@ class _RunWithError:
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide_precision.array([record.time])
         for _ in range(_CROSSING_NEWTON_STEPS):
-            places, errors, uncertainty = self._evaluate(time)
-            states = places + errors
+            computed, errors, uncertainty = self._evaluate(time)
+            states = computed + errors
             gradient, speed = self._gradient_and_rate(event, states)
             value = self._start.event_value(event, states[:, 0])
             change = value / self.wide_precision.number(speed)
@@ -425,14 +425,14 @@ class _RunWithError:
         times, *at_nodes = self._defect.evaluate_at_nodes()
         ends = numpy.concatenate((0 * last, last))
         at_ends = self._defect.evaluate_at(ends)
-        states, errors, roundings, nodes = (
+        states, errors, roundings, collocation_errors = (
             numpy.concatenate((of[:, :1], inside, of[:, 1:]), axis=1)
             for of, inside in zip(at_ends, at_nodes, strict=True)
         )
         times = numpy.concatenate(([0.0], times, last.astype(float)))
         states, reach = (
             states.astype(float),
-            abs(errors) + self._error_uncertainty(roundings, nodes),
+            abs(errors) + self._error_uncertainty(roundings, collocation_errors),
         )
         rates = self._defect.rates(at_ends[0][:, 1:])
         reach[:, -1:] += abs(

@@ -176,7 +176,7 @@ class CompiledStepper:
             request.divergence + request.law.has_guard
         )
         self._size = len(start)
-        self._kept_rows = None if request.variations else 3
+        self._series_rows = None if request.variations else 3
         hy = heyoka_module()
         self._stepper: Any = hy.taylor_adaptive(
             system,
@@ -190,10 +190,11 @@ class CompiledStepper:
         # derivatives at the identity.
         self._identity = self._stepper.state[3:].copy()
         self._zero, self._finished = number(0), hy.taylor_outcome.time_limit
-        self._kept: list[tuple[Any, Any]] | None = None  # the end and the series of each step
-        # The times from start to end at which heyoka samples the run, and the samples
+        # The end and the series of each step, if they are needed
+        self._step_series: list[tuple[Any, Any]] | None = None
+        # The times from start to end at which heyoka samples the run, and the states there
         self._grid: Any = None
-        self._rows: Any = None
+        self._grid_states: Any = None
         self.build = Build(
             engine="taylor",
             precision=precision.name,
@@ -285,16 +286,16 @@ class CompiledStepper:
         self._stepper.pars[: 1 + len(constants)] = [start.omega, *constants]
         self._grid = _grid_of(request, duration)
         sampled = request.times is not None and self._grid is None
-        self._kept = [] if request.estimated_by_defect or request.dense or sampled else None
+        self._step_series = [] if request.estimated_by_defect or request.dense or sampled else None
         if request.domain != "none" and start.ops.sin(start.state[0]) <= 0:
             self._rewind(start)
-            self._rows = self._stepper.state[None].copy()
+            self._grid_states = self._stepper.state[None].copy()
             return self._result(request, Status.FLAT, 0)
         on_surfaces = start_surfaces(request, start) if request.events else NO_SURFACES
         # If an event function is zero to the last bit, heyoka misses its other crossings in the
         # first step.
         careful = self._two_sided or on_surfaces.has_exact_zero
-        outcome, low, steps = self._run_to_end(
+        outcome, smallest_step, steps = self._run_to_end(
             start, on_surfaces if careful else NO_SURFACES, duration, request.max_steps
         )
         if (
@@ -303,8 +304,14 @@ class CompiledStepper:
             and (event := self._event_at_end(outcome)) is not None
             and event.name in on_surfaces.names
         ):
-            outcome, low, steps = self._run_to_end(start, on_surfaces, duration, request.max_steps)
-        status = Status.REACHED if outcome == self._finished else self._stop_status(outcome, low)
+            outcome, smallest_step, steps = self._run_to_end(
+                start, on_surfaces, duration, request.max_steps
+            )
+        status = (
+            Status.REACHED
+            if outcome == self._finished
+            else self._stop_status(outcome, smallest_step)
+        )
         if on_surfaces.names:  # the start itself is not a crossing
             self._records[:] = [
                 record
@@ -318,8 +325,8 @@ class CompiledStepper:
         """Reset the stepper to a given start at time 0, and clear the records of the run before."""
         stepper = self._stepper
         stepper.time = self._zero
-        if self._kept:
-            self._kept.clear()
+        if self._step_series:
+            self._step_series.clear()
         stepper.state[:3] = start.state
         stepper.state[3:] = self._identity
         if self._crossings:
@@ -338,18 +345,18 @@ class CompiledStepper:
             heyoka's outcome, the smallest step and the number of steps.
         """
         if self._grid is not None:
-            outcome, low, _, steps, _, self._rows = self._stepper.propagate_grid(
+            outcome, smallest_step, _, steps, _, self._grid_states = self._stepper.propagate_grid(
                 self._grid, **options
             )
-            return outcome, low, steps
-        if self._kept is not None:
+            return outcome, smallest_step, steps
+        if self._step_series is not None:
             # This takes half the time of heyoka's continuous output. heyoka copies callables that
             # are not bare functions.
-            options |= {"callback": self._series_recorder(self._kept), "write_tc": True}
-        outcome, low, _, steps, _, _ = self._stepper.propagate_until(target, **options)
-        if self._kept is not None and steps:
+            options |= {"callback": self._series_recorder(self._step_series), "write_tc": True}
+        outcome, smallest_step, _, steps, _, _ = self._stepper.propagate_until(target, **options)
+        if self._step_series is not None and steps:
             options["callback"](self._stepper)
-        return outcome, low, steps
+        return outcome, smallest_step, steps
 
     def _series_recorder(self, kept: list[tuple[Any, Any]]) -> Callable[[Any], bool]:
         """Return a callback for heyoka that appends the series of the last step to ``kept``.
@@ -357,7 +364,7 @@ class CompiledStepper:
         A step that is there already is not appended again. The callback returns True, so that the
         run continues.
         """
-        rows, zero, owned = self._kept_rows, self._zero, self.precision.copy_array
+        rows, zero, owned = self._series_rows, self._zero, self.precision.copy_array
 
         def keep(stepper: Any) -> bool:
             end = stepper.time
@@ -413,13 +420,15 @@ class CompiledStepper:
             return None
         for _ in range(_MAX_PASSES):
             # An event that fires starts its cooldown, so the next call continues.
-            outcome, low, _ = self._integrate_until(limit)
+            outcome, smallest_step, _ = self._integrate_until(limit)
             event = self._event_at_end(outcome)
             if event is None or event.name not in on_surfaces.names:
                 break
         ended = event is not None and event.name not in on_surfaces.names
         return (
-            (outcome, low, 1) if ended or (self._two_sided and self._friction_sign.ended) else None
+            (outcome, smallest_step, 1)
+            if ended or (self._two_sided and self._friction_sign.ended)
+            else None
         )
 
     def _jump_ahead(self, start: Start, target: Any, on_surfaces: StartSurfaces) -> bool:
@@ -437,7 +446,7 @@ class CompiledStepper:
         stepper.step(target, write_tc=True)
         stepper.update_d_output(target)
         ahead = stepper.d_output.tolist()
-        terms = self.precision.copy_array(stepper.tc[: self._kept_rows])
+        terms = self.precision.copy_array(stepper.tc[: self._series_rows])
         self._rewind(start)
         watched = [event for event in self._events if event.name not in on_surfaces.names]
         # The side, too, must be the same all the way, and not in doubt at the start
@@ -449,8 +458,8 @@ class CompiledStepper:
             return False
         stepper.time = target
         stepper.state[:] = ahead
-        if self._kept is not None:
-            self._kept.append((target, terms))
+        if self._step_series is not None:
+            self._step_series.append((target, terms))
         return True
 
     def _event_at_end(self, outcome: Any) -> Event | None:
@@ -488,12 +497,12 @@ class CompiledStepper:
         whole, size = self.precision.copy_array(self._stepper.state), self._size
         derivatives = whole[size:].reshape(size, -1)[:3] if request.variations else None
         series = None
-        if self._kept is not None:
+        if self._step_series is not None:
             # A run that has taken no step stands at its start.
             series = Series(
                 self.precision,
                 self._zero,
-                self._kept or [(self._zero, whole[: self._kept_rows, None])],
+                self._step_series or [(self._zero, whole[: self._series_rows, None])],
             )
         samples = sample_derivatives = None
         if series is not None:
@@ -501,7 +510,7 @@ class CompiledStepper:
         elif self._grid is not None:
             times = DOUBLE.as_array(request.times)
             first, last = (int(times[end] == self._grid[end]) for end in (0, -1))
-            samples = self._rows[1 - first : len(self._grid) - 1 + last, : self._kept_rows]
+            samples = self._grid_states[1 - first : len(self._grid) - 1 + last, : self._series_rows]
         if samples is not None and derivatives is not None:
             at_samples = samples[:, size:].reshape(len(samples), size, derivatives.shape[1])
             samples, sample_derivatives = samples[:, :3], at_samples[:, :3]
