@@ -101,6 +101,10 @@ def test_a_limit_cycle_may_be_a_rotating_one(speed, choice) -> None:
         ),
         (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or ScipyEngine\(\)"),
         (lambda: tv.Disk("table1").branch([]), "1 to"),
+        (
+            lambda: tv.Disk("table1").integrate("30.4", START, 1, digits=0, half_widths=False),
+            "digits are a whole number",
+        ),
         # a text for a list
         (lambda: tv.Disk("table1").branch("30.4,30.5"), None),
         (lambda: tv.Disk("table1").integrate("30.4", "123", 1), None),

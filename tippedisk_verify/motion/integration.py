@@ -90,12 +90,13 @@ class Motion:
         max_steps: int = MAX_STEPS,
         half_widths: bool = True,
     ) -> None:
-        if rtol is not None and checked_digits(digits) > PLAIN_DIGITS:
+        digits = checked_digits(digits)
+        if rtol is not None and digits > PLAIN_DIGITS:
             raise InputError("rtol is the tolerance of doubles: give either rtol or digits")
         self.engine = engine
         self._start, self._end = start, end = span_of(time)
         measured = half_widths and engine.measures_error
-        corrected = checked_digits(digits) <= CORRECTED_DIGITS if measured else False
+        corrected = measured and digits <= CORRECTED_DIGITS
         precision = (
             DOUBLE
             if corrected or digits <= PLAIN_DIGITS
