@@ -40,7 +40,7 @@ from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["CompiledStepper", "Series"]
 
-_MAX_PASSES = 64  # the number of events passed next to the start
+_MAX_PASSES = 64  # the number of events passed near the start
 
 
 class Series:
@@ -432,7 +432,7 @@ class CompiledStepper:
         )
 
     def _jump_ahead(self, start: Start, target: Any, on_surfaces: StartSurfaces) -> bool:
-        """Move from the start to a ``target`` time close to it by the first step's series. Return
+        """Move from the start to a ``target`` time near it by the first step's series. Return
         True if that is done.
 
         This passes all events of the start's surfaces. Many small steps from event to event would

@@ -1,6 +1,6 @@
 """The boundary between starts that keep standing and starts that lie flat.
 
-It consists of the stable manifolds of the unstable rotating cycles. An orbit next to such a surface
+It consists of the stable manifolds of the unstable rotating cycles. An orbit near such a surface
 follows the unstable rotating cycle for some turns and then leaves it to one side. Its coordinate
 along the cycle's unstable direction shows which side, and how far. The coordinate is taken at gamma
 = pi/2 after as many turns as the fast direction takes to decay. It grows with beta and is zero on

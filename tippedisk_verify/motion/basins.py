@@ -1,8 +1,8 @@
-"""The fate of many initial states: the basins, and fractions with their sampling error.
+"""The outcomes of many initial states: the basins, and shares with their sampling error.
 
 The states fill a plane of constant v in the strip between two noninverted states, with one random
 state in each cell of a grid (stratified sampling). They run in SIMD lanes, in tasks of `_TASK_SIZE`
-states, and states whose disk lies flat leave their lanes. The fate of the others follows from
+states, and states whose disk lies flat leave their lanes. The outcome of the others follows from
 |gamma - pi/2|, within their well, at the crossings of beta = pi/2 in the last seconds.
 """
 

@@ -48,7 +48,7 @@ _DURATION = 120
 _SAMPLES_PER_SECOND = 100
 _MIN_CROSSINGS = 12  # the number of crossings that decide the outcome
 _MAX_BEND = 0.5  # at this bend the parabola's zero is a sixth farther than the line's
-# A section amplitude below this is close to the inverted state [rad].
+# A section amplitude below this is near the inverted state [rad].
 _MIN_AMPLITUDE = 0.05
 # The error of a section amplitude [rad]. The Taylor engine's dense output is as accurate as its
 # steps. An orbit near an attracting cycle keeps only the latest rounding errors, of inputs too.

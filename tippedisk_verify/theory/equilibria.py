@@ -163,7 +163,7 @@ def is_stable(matrix: Linearization) -> bool:
 def saddle_value_sign(parameters: Parameters, omega: object) -> int:
     """Return the sign, 1, 0 or -1, of lambda_u + Re(lambda_s) at noninverted spinning, exactly.
 
-    lambda_s is the slower stable eigenvalue. Where the sign is negative, limit cycles next to a
+    lambda_s is the slower stable eigenvalue. Where the sign is negative, limit cycles near a
     connection of the saddles are stable. Below the speed Omega_crit (r - e) / (r + e) it is
     positive for every friction.
 

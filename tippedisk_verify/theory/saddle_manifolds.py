@@ -140,7 +140,7 @@ class Saddle:
         return self._curve(1)
 
     def start_on_unstable_manifold(self, distance: Fraction, sign: int = 1) -> list[Fraction]:
-        """Return a state on the unstable manifold next to the saddle at gamma_bar = -pi, from its
+        """Return a state on the unstable manifold near the saddle at gamma_bar = -pi, from its
         power series.
 
         Args:
@@ -248,7 +248,7 @@ class Saddle:
         """A direction M(s) of the unstable motion at each point of the slow stable curve, as power
         series that are even in s.
 
-        Any M detects u = 0, so terms next to a resonance are left out. An example is lambda_u + 2
+        Any M detects u = 0, so terms near a resonance are left out. An example is lambda_u + 2
         lambda_s = lambda_s, where the saddle value vanishes. There u grows like exp(lambda_u t)
         only up to a factor 1 + O(s^2).
         """
