@@ -43,8 +43,6 @@ __all__ = [
 #: The names of the state's components, in order
 STATE_NAMES = ("beta", "gamma", "v")
 
-VectorField = Callable[[Any, Any, Any], tuple[Any, Any, Any]]
-
 
 class Ops(Protocol):
     """A namespace with the functions of one kind of number, such as sin and cos of floats or of
@@ -177,7 +175,7 @@ def equation_terms(
 
 def vector_field(
     ops: Ops, constants: Constants, omega: Any, friction: str | FrictionLaw, side: Any = None
-) -> VectorField:
+) -> Callable[[Any, Any, Any], tuple[Any, Any, Any]]:
     """Return the vector field of the motion, a function ``(beta, gamma, v) -> (beta', gamma', v')``
     (Eq. 3DOF).
 
