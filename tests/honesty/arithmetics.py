@@ -38,7 +38,7 @@ class Machine:
 
     def __init__(self, options: dict[str, Any] | None = None, width: int | None = None) -> None:
         self._heyoka, self._options, self._width = heyoka_module(), options or {}, width
-        self.engine, self.lanes = Taylor(), BatchTaylor(width)
+        self.engine, self.batch_engine = Taylor(), BatchTaylor(width)
         self.moves, self.random = 0, numpy.random.default_rng()
 
     def __getattr__(self, name: str) -> Any:
@@ -132,7 +132,7 @@ class Arithmetic:
         here.random = numpy.random.default_rng(list(seed.encode()))
         first, second = (mock.patch(name, return_value=here) for name in _BUILDERS)
         engines = mock.patch.multiple(
-            flow._THREAD_ENGINES, engine=here.engine, lanes=here.lanes, create=True
+            flow._THREAD_ENGINES, engine=here.engine, batch_engine=here.batch_engine, create=True
         )
         with first, second, engines, mock.patch.object(here, "moves", self.last_bits):
             yield
