@@ -50,7 +50,7 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
 
 def missed(found: Defect, wide: Precision, request: Request, truth: Any) -> Any:
     """Return the error of the run and of its estimate at the end, in carried roundings."""
-    places, errors, roundings, _ = found.evaluate_at(wide.array([request.duration]))
+    places, errors, roundings = found.evaluate_at(wide.array([request.duration]))
     exact = [
         TRUTH.mpf(true) - TRUTH.mpf(wide.mpf(place))
         for true, place in zip(truth.state, places[:, 0], strict=True)

@@ -32,6 +32,7 @@ from numpy.polynomial import legendre
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.flow.stepper import Series
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
+from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = ["Defect"]
@@ -120,6 +121,8 @@ class Defect:
         self.roundings = numpy.sqrt(numpy.square(carried[:, :, 1:]).mean(axis=2))  #: (n + 1, 3)
         self._rates = self._rates_of(carried[:, :, 0], solved[..., 3])
         self._collocation_errors = numpy.zeros(self.errors.shape)
+        #: The uncertainty of the errors, collocation apart, in carried roundings.
+        self.uncertainty_in_roundings = 1.0
 
     def _rates_times_steps(self, matrices: Any) -> tuple[Any, Any]:
         """Return two numbers (n,) for each step of length h: an estimate of h |x| for the largest
@@ -188,7 +191,7 @@ class Defect:
             _integrals(shares, self._basis) @ self._rates
         )
 
-    def evaluate_at(self, times: Any) -> tuple[Any, Any, Any, Any]:
+    def evaluate_at(self, times: Any) -> tuple[Any, Any, Any]:
         """Return the run's states, their estimated errors and the uncertainty of these errors, at
         given times.
 
@@ -196,8 +199,7 @@ class Defect:
             times: (k,) times [s] in the wide arithmetic, monotonic along the run.
 
         Returns:
-            The values of the polynomials, their errors, the carried roundings and the collocation
-            error, each (3, k).
+            The values of the polynomials, their errors and the uncertainty of these, each (3, k).
         """
         counts = numpy.bincount(
             self._series.step_of(times.astype(float)), minlength=len(self._steps)
@@ -210,35 +212,31 @@ class Defect:
         integrals = _integrals(since.astype(float) / lengths, self._basis).T * lengths
         for integral, rates in zip(integrals, self._rates.transpose(1, 2, 0), strict=True):
             errors += integral * numpy.repeat(rates, counts, axis=1)
-        roundings, collocation_errors = (
-            numpy.repeat(of, counts, axis=1) for of in self._error_uncertainties()
-        )
-        return self._polynomial(since, counts), errors, roundings, collocation_errors
+        uncertainty = numpy.repeat(self._error_uncertainty(), counts, axis=1)
+        return self._polynomial(since, counts), errors, uncertainty
 
-    def evaluate_at_nodes(self) -> tuple[Any, Any, Any, Any, Any]:
+    def evaluate_at_nodes(self) -> tuple[Any, Any, Any, Any]:
         """Return the run's states and their estimated errors at the collocation nodes of all steps,
         in order.
 
         Returns:
-            The times (k,). Then the values of the polynomials, their errors, the carried roundings
-            and the collocation error, each (3, k).
+            The times (k,). Then the values of the polynomials, their errors and the uncertainty of
+            these, each (3, k).
         """
         times = self._series.times[:-1, None] + self._steps * self._places
-        roundings, collocation_errors = (
-            numpy.repeat(of, len(self._places), axis=1) for of in self._error_uncertainties()
-        )
+        uncertainty = numpy.repeat(self._error_uncertainty(), len(self._places), axis=1)
         errors = self._evaluate(self._places).reshape(-1, 3).T
-        return times.ravel(), self._nodes.reshape(3, -1), errors, roundings, collocation_errors
+        return times.ravel(), self._nodes.reshape(3, -1), errors, uncertainty
 
-    def _error_uncertainties(self) -> list[Any]:
-        """Return the two parts of the uncertainty of the errors in each step, both (3, n).
+    def _error_uncertainty(self) -> Any:
+        """Return the uncertainty (3, n) of the errors in each step, collocation included.
 
-        They are the carried roundings and the collocation error. The larger of the two ends of each
-        step counts.
+        The larger of the two ends of each step counts.
         """
-        return [
+        roundings, collocation_errors = (
             numpy.maximum(of[:-1], of[1:]).T for of in (self.roundings, self._collocation_errors)
-        ]
+        )
+        return self.uncertainty_in_roundings * roundings + HALF_WIDTH_FACTOR * collocation_errors
 
     def rates(self, states: Any) -> Any:
         """Return the rates of motion (3, k) at states (3, k), in the wide arithmetic.

@@ -237,8 +237,7 @@ class _RunWithError:
         self._defect = Defect(request, result.series, self.wide_precision, method.nodes)
         if not self._steps_are_short(method.fewer_nodes):
             raise UnresolvedSteps
-        # The uncertainty of the errors, in carried roundings.
-        self._uncertainty_in_roundings = (
+        self._defect.uncertainty_in_roundings = (
             _EVALUATION_ERROR * 2.0 ** (DOUBLE.bits - self.wide_precision.bits)
             + self._correct_to_second_order()
         )
@@ -247,7 +246,7 @@ class _RunWithError:
                 Defect(request, result.series, self.wide_precision, method.fewer_nodes)
             )
         else:
-            self._uncertainty_in_roundings += _THREE_NODE_ERROR
+            self._defect.uncertainty_in_roundings += _THREE_NODE_ERROR
 
     def _steps_are_short(self, fewer_nodes: int) -> bool:
         """Return True if the run's steps are short enough for the method that estimates its error.
@@ -306,7 +305,7 @@ class _RunWithError:
             times: (k,) times [s] in the wide arithmetic; the last one is the run's end.
             at_end: The last state of the run, which replaces the polynomial's up to twelve digits.
         """
-        states, errors, uncertainty = self._evaluate(times)
+        states, errors, uncertainty = self._defect.evaluate_at(times)
         # A time is rounded to the wide arithmetic.
         uncertainty = uncertainty + abs(self._defect.rates(states) * times).astype(float) * float(
             self.wide_precision.epsilon
@@ -334,16 +333,6 @@ class _RunWithError:
             return _HALF_WIDTH_MARGIN * abs(errors) + uncertainty
         return uncertainty + abs(values).astype(float) * float(self.wide_precision.epsilon)
 
-    def _evaluate(self, times: Any) -> tuple[Any, Any, Any]:
-        """Return the states of the run's polynomials, their errors and the errors' uncertainty,
-        each (3, k), at times (k,) in the wide arithmetic.
-        """
-        states, errors, roundings, collocation_errors = self._defect.evaluate_at(times)
-        return states, errors, self._error_uncertainty(roundings, collocation_errors)
-
-    def _error_uncertainty(self, roundings: Any, collocation_errors: Any) -> Any:
-        return self._uncertainty_in_roundings * roundings + HALF_WIDTH_FACTOR * collocation_errors
-
     def crossing(self, record: EventRecord) -> _CrossingWithError:
         """Compute where the true motion crosses an event's surface, with half-widths, from the
         crossing that the run has recorded.
@@ -354,7 +343,7 @@ class _RunWithError:
         event = next(event for event in (*self._request.events, FLAT) if event.name == record.name)
         first = time = self.wide_precision.array([record.time])
         for _ in range(_CROSSING_NEWTON_STEPS):
-            computed, errors, uncertainty = self._evaluate(time)
+            computed, errors, uncertainty = self._defect.evaluate_at(time)
             states = computed + errors
             gradient, speed = self._gradient_and_rate(event, states)
             value = self._start.event_value(event, states[:, 0])
@@ -425,14 +414,14 @@ class _RunWithError:
         times, *at_nodes = self._defect.evaluate_at_nodes()
         ends = numpy.concatenate((0 * last, last))
         at_ends = self._defect.evaluate_at(ends)
-        states, errors, roundings, collocation_errors = (
+        states, errors, uncertainty = (
             numpy.concatenate((of[:, :1], inside, of[:, 1:]), axis=1)
             for of, inside in zip(at_ends, at_nodes, strict=True)
         )
         times = numpy.concatenate(([0.0], times, last.astype(float)))
         states, reach = (
             states.astype(float),
-            abs(errors) + self._error_uncertainty(roundings, collocation_errors),
+            abs(errors) + uncertainty,
         )
         rates = self._defect.rates(at_ends[0][:, 1:])
         reach[:, -1:] += abs(
