@@ -98,10 +98,8 @@ class Taylor:
         events = request.events
         if request.domain == "event" and FLAT not in events:
             events = (*events, FLAT)
-        key = (
-            *(request.precision, request.law, request.tolerance, request.shifted),
-            *(request.variations, request.divergence, events),
-        )
+        shape = (request.shifted, request.variations, request.divergence, events)
+        key = (request.precision, request.law, request.tolerance, *shape)
         compact = self._compact if self._compact is not None else request.precision != DOUBLE
         with self._integrators.reserved(
             key, lambda: CompiledStepper(request, events, self._options, compact)
