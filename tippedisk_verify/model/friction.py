@@ -324,9 +324,6 @@ class _SmoothCoulomb(FrictionLaw):
     has_guard = False
     constants = ("traction", "epsilon")
 
-    def __call__(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
-        return self.force(ops, gamma_y, c)  # at either sign
-
     def _speed_plus_epsilon(self, gamma_y: Any, c: Any, side: Any) -> Any:
         return (abs(gamma_y) if side is None else side * gamma_y) + c.epsilon
 
