@@ -281,10 +281,7 @@ class Request:
 
     @property
     def estimated_by_defect(self) -> bool:
-        """True if half-widths come from the defect of the run's series.
-
-        The series then also yields the samples.
-        """
+        """True if half-widths come from the defect of the run's series, which is then kept."""
         return self.error_estimate and self.precision == DOUBLE and not self.variations
 
     def starting_at(

@@ -296,11 +296,19 @@ def _taylor_coefficients(
     )
 
 
-class _Linear(FrictionLaw):
+class _PaperLaw(FrictionLaw):
+    """One of the paper's friction laws, whose formulas accept power series as they are."""
+
+    has_guard = False
+
+    def taylor_polynomial(self, *args: Any) -> FrictionLaw:
+        return self
+
+
+class _Linear(_PaperLaw):
     """The paper's linear friction law, Eq. lin_lambda_y_3DOF."""
 
     is_linear = True
-    has_guard = False
     constants = ("k",)
 
     def deceleration(self, ops: Any, gamma_y: Any, c: Any, side: Any = None) -> Any:
@@ -314,14 +322,10 @@ class _Linear(FrictionLaw):
     ) -> Any:
         return c.k * w_y_gamma_y
 
-    def taylor_polynomial(self, *args: Any) -> FrictionLaw:
-        return self
 
-
-class _SmoothCoulomb(FrictionLaw):
+class _SmoothCoulomb(_PaperLaw):
     """The paper's smooth Coulomb friction law, Eq. lambda_y_3DOF."""
 
-    has_guard = False
     constants = ("traction", "epsilon")
 
     def _speed_plus_epsilon(self, gamma_y: Any, c: Any, side: Any) -> Any:
@@ -338,9 +342,6 @@ class _SmoothCoulomb(FrictionLaw):
         self, ops: Any, c: Any, side: Any, w_y_gamma_y: Any, sin_b: Any, slip: Any, rho: Any
     ) -> Any:
         return c.traction * w_y_gamma_y / self._speed_plus_epsilon(sin_b * slip, c, side)
-
-    def taylor_polynomial(self, *args: Any) -> FrictionLaw:
-        return self
 
 
 @dataclass(frozen=True)
