@@ -105,10 +105,10 @@ class Taylor:
             key, lambda: CompiledStepper(request, events, self._options, compact)
         ) as stepper:
             result: Result = stepper.run(request)
-        if request.domain == "samples" and _outside(request, result):
+        if request.domain == "samples" and _leaves_domain(request, result):
             # This is rare. Only now is the event worth compiling, and only it finds the time.
             return self(replace(request, domain="event"))
-        if request.domain == "event" and _outside(request, result):
+        if request.domain == "event" and _leaves_domain(request, result):
             raise InputError(
                 "this start is so close to the floor that rounding decides whether "
                 "the disk leaves it"
@@ -144,7 +144,7 @@ class Taylor:
         return refined._replace(series=None)
 
 
-def _outside(request: Request, result: Result) -> bool:
+def _leaves_domain(request: Request, result: Result) -> bool:
     """Return True if the end or a sample of a run has sin(beta) <= 0, where the model does not
     hold.
     """

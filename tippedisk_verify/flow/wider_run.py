@@ -53,7 +53,7 @@ def half_widths_from_wider_run(engine: Engine, request: Request, result: Result)
         result: Its result.
     """
 
-    def checked(wider: Precision, most_steps: int) -> Result:
+    def run_in(wider: Precision, most_steps: int) -> Result:
         return engine(
             replace(
                 request,
@@ -70,14 +70,14 @@ def half_widths_from_wider_run(engine: Engine, request: Request, result: Result)
         if request.precision == DOUBLE
         else wider_precision(request.precision)
     )
-    check = checked(wider, request.max_steps)
+    check = run_in(wider, request.max_steps)
     agreed = not _end_far_apart(result, check) and _starts_moving(request, wider)
     if not agreed and request.precision == DOUBLE and result.status.usable:
         # Where rounding has grown out of proportion, a wider run may be just as wrong. A third run
         # must agree with it.
         before, wider = check, wider_precision(wider)
         # It has a higher order and so needs fewer steps, unless it diverges itself.
-        check = checked(wider, min(request.max_steps, 2 * result.steps))
+        check = run_in(wider, min(request.max_steps, 2 * result.steps))
         agreed = not _end_far_apart(before, check) and _starts_moving(request, wider)
     error = _half_widths(request.precision, wider, result, check) if agreed else _infinite_widths()
     return result._replace(error=error, built=result.built + check.built)

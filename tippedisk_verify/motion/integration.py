@@ -117,7 +117,7 @@ class Motion:
             elif precision == DOUBLE and not measured:
                 times = times.rounded(DOUBLE)
         self._variables = [
-            variable for name in _several(variations) for variable in _named(name, _VARIABLES)
+            variable for name in _as_sequence(variations) for variable in _named(name, _VARIABLES)
         ]
         slopes = constant_derivatives(parameters) if self._variables else {}
         self.request = Request(
@@ -136,7 +136,7 @@ class Motion:
             ),
             events=tuple(
                 event if isinstance(event, Event) else _named(event, EVENTS)
-                for event in _several(events)
+                for event in _as_sequence(events)
             ),
             error_estimate=measured,
             digits=digits if corrected else PLAIN_DIGITS,
@@ -255,7 +255,7 @@ def _note(request: Request) -> str:
     return f"{degrees}; {unmeasured}" if unmeasured else degrees
 
 
-def _several(names: Any) -> Any:
+def _as_sequence(names: Any) -> Any:
     return () if names is None else names if isinstance(names, tuple | list) else (names,)
 
 

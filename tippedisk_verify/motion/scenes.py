@@ -227,7 +227,7 @@ def compute_scene(
             )
         compiled |= dict.fromkeys(result.built)
         if result.status is Status.FLAT:
-            outcome, timed = _flat(request, engine, omega)
+            outcome, timed = _flat_outcome(request, engine, omega)
             compiled |= dict.fromkeys(timed.built)
         else:
             outcome = classify_orbit(result, times, float(omega), stable)
@@ -275,7 +275,7 @@ def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bo
     # While beta stays on one side of pi/2, gamma is monotonic: gamma' = -Omega cos(beta).
     turns = leans[tops > upright[-1]] if len(upright) else leans
     if len(turns) >= _MIN_CROSSINGS:
-        return _on_a_cycle("rotating limit cycle", turns.tolist())
+        return _cycle_outcome("rotating limit cycle", turns.tolist())
     if len(amplitudes) < _MIN_CROSSINGS:
         return OrbitOutcome(
             "undecided", f"only {len(amplitudes)} section crossings in {float(result.time):g} s"
@@ -285,10 +285,10 @@ def classify_orbit(result: Result, times: Any, omega: float, inverted_stable: bo
         return OrbitOutcome(
             "inverted spinning", f"section amplitude falls steadily, to {recent[-1]:.2g} rad"
         )
-    return _on_a_cycle("limit cycle", amplitudes.tolist())
+    return _cycle_outcome("limit cycle", amplitudes.tolist())
 
 
-def _on_a_cycle(kind: OutcomeKind, amplitudes: list[float]) -> OrbitOutcome:
+def _cycle_outcome(kind: OutcomeKind, amplitudes: list[float]) -> OrbitOutcome:
     """Return the outcome "on a cycle of this kind" if the orbit's amplitudes converge to a cycle,
     otherwise "undecided".
     """
@@ -298,13 +298,13 @@ def _on_a_cycle(kind: OutcomeKind, amplitudes: list[float]) -> OrbitOutcome:
     # closest to the limit. The motion after the last crossing follows from the last change, or from
     # that error if the change is smaller.
     significant = [abs(change) for change in changes if abs(change) > 10 * error][-10:]
-    ratio = _rate(significant)
+    ratio = _mean_ratio(significant)
     if ratio >= 1:
         return OrbitOutcome("undecided", "section amplitudes have not settled; integrate longer")
     # Close to the cycle the change is a linear function of the amplitude. A parabola through the
     # two halves has a zero, too, if the bend is below 1. The bend is 1 at a fold of cycles, below
     # which orbits slow down and then go on.
-    early, late = _rate(significant[:6]), _rate(significant[4:])
+    early, late = _mean_ratio(significant[:6]), _mean_ratio(significant[4:])
     bend = 0.0
     if max(early, late) < 1:
         bend = 4 * significant[-1] * (late - early) / (sum(significant) * (1 - late) ** 2)
@@ -323,7 +323,7 @@ def _on_a_cycle(kind: OutcomeKind, amplitudes: list[float]) -> OrbitOutcome:
     )
 
 
-def _rate(changes: list[float]) -> float:
+def _mean_ratio(changes: list[float]) -> float:
     """Return the average factor from each change to the next.
 
     It is infinite for fewer than three changes.
@@ -364,7 +364,7 @@ def _crossings(
     return when, result.dense(when)
 
 
-def _flat(request: Request, engine: Engine, omega: Measured) -> tuple[OrbitOutcome, Result]:
+def _flat_outcome(request: Request, engine: Engine, omega: Measured) -> tuple[OrbitOutcome, Result]:
     """Return the outcome of an orbit whose disk lies flat, and the result of the run that timed it.
 
     The time's half-width holds the error of the integration and the effect of the speed's own

@@ -108,7 +108,7 @@ class Solution(Printable):
     def t_events(self) -> list[Any]:
         """The times (k,) [s] of the crossings of each requested event."""
         return [
-            numpy_safe(numpy.array([record.time for record in self._of(name)]))
+            numpy_safe(numpy.array([record.time for record in self._crossings_of(name)]))
             for name in self._event_names
         ]
 
@@ -116,15 +116,17 @@ class Solution(Printable):
     def y_events(self) -> list[Any]:
         """The states (k, 3) at the crossings of each requested event."""
         return [
-            numpy_safe(numpy.array([record.state for record in self._of(name)]).reshape(-1, 3))
+            numpy_safe(
+                numpy.array([record.state for record in self._crossings_of(name)]).reshape(-1, 3)
+            )
             for name in self._event_names
         ]
 
-    def _of(self, name: str) -> list[EventRecord]:
+    def _crossings_of(self, name: str) -> list[EventRecord]:
         return [record for record in self.events if record.name == name]
 
     @property
-    def _run(self) -> tuple[Engine, Request]:
+    def _engine_and_request(self) -> tuple[Engine, Request]:
         if self._request is None or self._engine is None:
             raise InputError(
                 "a loaded solution has its samples only: integrate again for other times"
@@ -133,7 +135,7 @@ class Solution(Printable):
 
     @cached_property
     def _dense(self) -> Any:
-        engine, request = self._run
+        engine, request = self._engine_and_request
         result = engine(
             replace(request, dense=True, times=None, variations=(), error_estimate=False)
         )
@@ -153,7 +155,7 @@ class Solution(Printable):
         Raises:
             InputError: If a time lies outside the run, or the solution was loaded.
         """
-        (engine, request), asked = self._run, as_list(t)
+        (engine, request), asked = self._engine_and_request, as_list(t)
         end = self._end_time if self.status is Status.REACHED else exact(self.end.time)
         _, times = since_start(self._start, end, asked)
         since, length = DOUBLE.array(times), float(end - self._start)

@@ -144,7 +144,7 @@ class Bounded(Approximate):
         """Return the least and the greatest true value that the half-width allows."""
         return self.value - self.uncertainty, self.value + self.uncertainty
 
-    def _compared(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
+    def _ordered(self, compare: Callable[[Fraction, int], bool], other: object) -> bool:
         """Compare with another number, if the result is the same for all true values that the
         half-widths allow.
 
@@ -177,10 +177,10 @@ class Bounded(Approximate):
     def __hash__(self) -> int:
         return hash((self.value, self.uncertainty) if self.uncertainty else self.value)
 
-    __lt__ = partialmethod(_compared, operator.lt)
-    __le__ = partialmethod(_compared, operator.le)
-    __gt__ = partialmethod(_compared, operator.gt)
-    __ge__ = partialmethod(_compared, operator.ge)
+    __lt__ = partialmethod(_ordered, operator.lt)
+    __le__ = partialmethod(_ordered, operator.le)
+    __gt__ = partialmethod(_ordered, operator.gt)
+    __ge__ = partialmethod(_ordered, operator.ge)
 
     def _integer(self, rounding: Callable[[Fraction], int]) -> int:
         """Round to an integer, if the result is the same for all true values that the half-width
