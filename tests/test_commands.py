@@ -35,8 +35,11 @@ COMMANDS = dict(_commands(cli))
 
 
 def _help(path: str) -> str:
-    context = click.Context(COMMANDS[path], info_name=path, terminal_width=80) if path else CONTEXT
-    return context.command.get_help(context)
+    command, context = cli, CONTEXT
+    for name in path.split():
+        command = command.commands[name]
+        context = click.Context(command, parent=context, info_name=name)
+    return command.get_help(context)
 
 
 def parsed(words: list[str]) -> None:

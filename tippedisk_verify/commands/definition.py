@@ -12,7 +12,7 @@ from typing import Any
 
 import click
 
-from tippedisk_verify.commands.help import DefinedCommand, load_quantities
+from tippedisk_verify.commands.help import CommandGroup, DefinedCommand, load_quantities
 from tippedisk_verify.commands.tables import break_line
 from tippedisk_verify.display import result_lines
 from tippedisk_verify.model.equations import require_one_speed
@@ -176,6 +176,6 @@ def group(name: str, help_text: str, *commands: click.Command) -> click.Group:
         if context.invoked_subcommand is None:
             click.echo(context.get_help())
 
-    return click.Group(
+    return CommandGroup(
         name, commands, callback=show_help, invoke_without_command=True, help=help_text
     )

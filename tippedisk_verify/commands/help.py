@@ -14,7 +14,7 @@ import click
 
 from tippedisk_verify.display import COORDINATES, QuantityMeaning, column_heading, quantities
 
-__all__ = ["EXAMPLES", "Cli", "DefinedCommand", "load_quantities"]
+__all__ = ["EXAMPLES", "Cli", "CommandGroup", "DefinedCommand", "load_quantities"]
 
 #: Two examples of each command, the cheaper first. Their output files can be written in any folder.
 EXAMPLES: dict[str, tuple[str, str]] = {
@@ -84,27 +84,32 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
 
 
 class DefinedCommand(click.Command):
-    """A command whose help ends with the quantities that it prints, and examples.
+    """A command whose help ends with the quantities that it prints, and examples."""
 
-    The classes of all its quantities are loaded only when help is shown.
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the end of the command's help. Only this loads the classes of the quantities."""
+        self.epilog = _explanation(ctx)
+        super().format_epilog(ctx, formatter)
+
+
+class CommandGroup(click.Group):
+    """A group of commands whose help has the first paragraph of each command's, and ends with
+    examples.
     """
 
-    path = ""  #: the words that call it, after the program's name
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the end of the group's help: examples."""
+        self.epilog = _explanation(ctx)
+        super().format_epilog(ctx, formatter)
 
-    @property
-    def epilog(self) -> str | None:
-        """The end of the command's help: the quantities that it prints, and examples."""
-        return _paragraphs(_defined(self.path), _examples(self.path))
-
-    @epilog.setter
-    def epilog(self, text: str | None) -> None:
-        assert text is None  # click's constructor sets it, here always to None
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Write the list of commands into the help text."""
+        commands = [self.commands[name] for name in self.list_commands(ctx)]
+        _write_commands(formatter, "Commands", commands)
 
 
-class Cli(click.Group):
-    """The program's command line: its commands in sections, with help that defines what is printed
-    and ends with examples.
-    """
+class Cli(CommandGroup):
+    """The program's command line: its commands in sections."""
 
     def __init__(
         self, *args: object, sections: Mapping[str, Sequence[click.Command]], **kwargs: object
@@ -118,31 +123,27 @@ class Cli(click.Group):
         """Return the names of all commands in the order of the help's sections."""
         return [str(command.name) for members in self.sections.values() for command in members]
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
-        """Return a command with complete help, or None if the name is not known."""
-        command = super().get_command(ctx, cmd_name)
-        return None if command is None else _complete_help(command, cmd_name)
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the list of commands into the help text, by section."""
         for title, members in self.sections.items():
-            with formatter.section(title):
-                formatter.write_dl([(str(command.name), _sentence(command)) for command in members])
+            _write_commands(formatter, title, members)
 
 
-def _complete_help(command: click.Command, path: str) -> click.Command:
-    """Complete the help of a command: set its path, and for a group its examples and its commands'
-    paths and summaries.
+def _write_commands(
+    formatter: click.HelpFormatter, title: str, commands: Sequence[click.Command]
+) -> None:
+    with formatter.section(title):
+        formatter.write_dl([(str(command.name), _sentence(command)) for command in commands])
 
-    Returns the command.
-    """
-    if isinstance(command, DefinedCommand):
-        command.path = path
-    if isinstance(command, click.Group):
-        command.epilog = _paragraphs(_examples(path))
-        for name, inner in command.commands.items():
-            _complete_help(inner, f"{path} {name}").short_help = _sentence(inner)
-    return command
+
+def _explanation(ctx: click.Context) -> str:
+    """Return the end of a command's help: the quantities that it prints, and examples."""
+    words: list[str] = []
+    while ctx.parent:
+        words.insert(0, str(ctx.info_name))
+        ctx = ctx.parent
+    path = " ".join(words)
+    return _paragraphs(_defined(path), _examples(path))
 
 
 def _paragraphs(*parts: list[str]) -> str:
