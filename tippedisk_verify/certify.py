@@ -57,7 +57,7 @@ class Certifier:
     disk: Disk
 
     def __post_init__(self) -> None:
-        self.disk.refuse_own_law("proofs are")
+        self.disk.refuse_custom_law("proofs are")
 
     # --------------------------------------------------------------------------------- closed forms
     def equilibrium(

@@ -277,14 +277,14 @@ class Disk(Parameters):
         >>> sol.y.shape, sol.end.time, len(sol.events)
         ((3, 2), 10.0, 21)
         """
-        from tippedisk_verify.motion.integration import Motion
+        from tippedisk_verify.motion.integration import MotionRequest
 
         if unknown:
             raise UnknownKeywordError(
                 f"integrate has no {', '.join(unknown)}: `digits` or `rtol` sets the accuracy, `engine`"
                 " the integrator, such as ScipyEngine('DOP853'), and the solution sol(t) the dense output"
             )
-        motion = Motion(
+        motion = MotionRequest(
             self,
             omega,
             state,

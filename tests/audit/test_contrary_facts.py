@@ -20,6 +20,7 @@ from tippedisk_verify.audit import (
     connection_claims,
     friction_claims,
     linear_claims,
+    local_expansion,
     manifold_claims,
 )
 from tippedisk_verify.audit.claim_catalogue import CLAIMS
@@ -31,7 +32,7 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.motion.basins import OUTCOMES
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.theory import expansion, one_harmonic_law
+from tippedisk_verify.theory import one_harmonic_law
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import (
     ReducedEquilibrium,
@@ -120,7 +121,7 @@ def _with(part: str, powers: tuple[int, int, int], factor: int) -> Callable[...,
     """Return the printed expansion with one coefficient multiplied."""
 
     def printed(constants: Any, omega: Any) -> Any:
-        true = expansion.printed_expansion(constants, omega)
+        true = local_expansion.printed_expansion(constants, omega)
         entries = getattr(true, part)
         return true._replace(**{part: entries | {powers: factor * entries[powers]}})
 
@@ -183,9 +184,11 @@ PLANTS: dict[str, Plant] = {
     ),
     "expansion_mass": follows(balance_claims, "printed_expansion", _with("mass", (2, 0, 0), 2)),
     "expansion_gyroscopic": follows(
-        balance_claims, "printed_expansion", expansion.derived_expansion
+        balance_claims, "printed_expansion", local_expansion.derived_expansion
     ),
-    "expansion_gravity": follows(balance_claims, "printed_expansion", expansion.derived_expansion),
+    "expansion_gravity": follows(
+        balance_claims, "printed_expansion", local_expansion.derived_expansion
+    ),
     "expansion_friction": follows(
         balance_claims, "printed_expansion", _with("friction", (2, 0, 1), -1)
     ),

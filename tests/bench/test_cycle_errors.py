@@ -17,10 +17,10 @@ import tippedisk_verify as tv
 from tests.command_line import answer
 from tippedisk_verify.bench.measurement import Score, fitted_order, run_race
 from tippedisk_verify.bench.methods import BENCH_METHODS, Method, MethodRun, PreparedMethod
-from tippedisk_verify.bench.own_methods import user_method
 from tippedisk_verify.bench.problems import PROBLEMS, ErrorKind, Problem
 from tippedisk_verify.bench.race import program_method
 from tippedisk_verify.bench.truth import cut_at_returns, defines_error
+from tippedisk_verify.bench.user_methods import user_method
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
 
 #: Seven periods, in which the distance from the cycle shrinks to 2e-3 (its multiplier is 0.413).

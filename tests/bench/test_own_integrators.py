@@ -24,9 +24,9 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import answer, assert_refused, ran
 from tippedisk_verify.bench.measurement import machine_facts, run_race
-from tippedisk_verify.bench.own_methods import question, user_method
 from tippedisk_verify.bench.problems import PROBLEMS, Problem, problem_named
 from tippedisk_verify.bench.race import program_method
+from tippedisk_verify.bench.user_methods import question, user_method
 
 TRANSIENT = problem_named("transient")
 PAGE = (Path(__file__).parents[2] / "docs" / "choosing_an_integrator.md").read_text(

@@ -12,7 +12,7 @@ import pytest
 from numpy.polynomial import legendre
 
 from tippedisk_verify.disk import Disk
-from tippedisk_verify.flow import defect, error_estimate
+from tippedisk_verify.flow import defect, half_widths_by_defect
 from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Request
 from tippedisk_verify.flow.defect import Defect
 from tippedisk_verify.flow.taylor import Taylor
@@ -41,7 +41,7 @@ def series_of(taylor: Taylor, request: Request, monkeypatch: pytest.MonkeyPatch)
     """Return the series that the engine keeps for an error estimate."""
     kept: list[Any] = []
     monkeypatch.setattr(
-        "tippedisk_verify.flow.error_estimate.half_widths_from_defect",
+        "tippedisk_verify.flow.half_widths_by_defect.half_widths_from_defect",
         lambda _, result: kept.append(result.series),
     )
     taylor(replace(request, error_estimate=True))
@@ -139,7 +139,7 @@ def test_half_widths_hold(taylor: Taylor, number: int, digits: int) -> None:
 
 def test_half_widths_hold_without_extended_arithmetic(taylor: Taylor, monkeypatch) -> None:
     """Check as on processors without 80-bit registers."""
-    monkeypatch.setattr(error_estimate, "_has_arrays_of", lambda wide: wide is not EXTENDED)
+    monkeypatch.setattr(half_widths_by_defect, "_has_arrays_of", lambda wide: wide is not EXTENDED)
     for digits in (12, 15):
         test_half_widths_hold(taylor, 1, digits)
 
@@ -164,14 +164,16 @@ def test_a_near_touch_is_left_to_wider_runs(taylor: Taylor, monkeypatch) -> None
     near = taylor(replace(request, events=(Event("extreme", SECTION.function, terminal=False),)))
     extreme = float(near.events[-1].state[1])  # where cos(beta) = 0, gamma turns
     found: list[bool] = []
-    estimate = error_estimate.half_widths_from_defect
+    estimate = half_widths_by_defect.half_widths_from_defect
 
     def asked(*both: Any) -> Any:
         answer = estimate(*both)
         found.append(answer is not None)
         return answer
 
-    monkeypatch.setattr("tippedisk_verify.flow.error_estimate.half_widths_from_defect", asked)
+    monkeypatch.setattr(
+        "tippedisk_verify.flow.half_widths_by_defect.half_widths_from_defect", asked
+    )
     for level in (extreme, extreme + 1e-3, extreme - 1e-3):
         event = Event(
             "level",

@@ -22,8 +22,8 @@ __all__ = ["PLANTS", "planted"]
 
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
-    "flow.error_estimate:_RunWithError._half_widths": "flow",
-    "flow.wider_run:_half_widths": "half periods",
+    "flow.half_widths_by_defect:_RunWithError._half_widths": "flow",
+    "flow.half_widths_by_wider_run:_half_widths": "half periods",
     "cycles.shooting.error_budget:half_widths_by_twins": "limit cycle in double",
     "cycles.shooting.error_budget:half_widths_by_wider_run": "limit cycle",
     "cycles.families.interpolant:FamilyInterpolant.half_widths": "branch",

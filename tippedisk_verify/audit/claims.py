@@ -185,7 +185,7 @@ class Audit(Printable):
     _results: dict[tuple[str, ...], Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.parameters.refuse_own_law("the paper's claims are examined")
+        self.parameters.refuse_custom_law("the paper's claims are examined")
 
     def _shared(self, key: tuple[str, ...], compute: Callable[[], T]) -> T:
         """Return the shared result with this key; compute and store it when it is first needed."""

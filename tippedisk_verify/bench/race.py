@@ -16,9 +16,9 @@ from typing import Any, get_args
 
 from tippedisk_verify.bench.measurement import Score, run_race, run_time_ratios
 from tippedisk_verify.bench.methods import BENCH_METHODS, TOLERANCES, Method
-from tippedisk_verify.bench.own_methods import Solver, question, read_scores, user_method
 from tippedisk_verify.bench.problems import ErrorKind, Problem, problem_named
 from tippedisk_verify.bench.truth import cut_at_returns
+from tippedisk_verify.bench.user_methods import Solver, question, read_scores, user_method
 from tippedisk_verify.display import Printable, data_frame
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.numbers.exact import as_list, short_text
@@ -212,7 +212,7 @@ def program_method(
 ) -> Iterator[Method]:
     """Start a program that integrates, and yield it as a method of the race.
 
-    It reads a line of JSON with the keys of `bench.own_methods.question` for each run. It writes one with
+    It reads a line of JSON with the keys of `bench.user_methods.question` for each run. It writes one with
     the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts.
 
     Raises InputError if the program cannot be started.

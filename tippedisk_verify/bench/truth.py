@@ -175,7 +175,7 @@ def compared_numbers(
     """
     if problem.error == "state":
         return [fraction(value) for state in states for value in state]
-    passages = [_passage(problem, state, precision) for state in states]
+    passages = [_section_crossing(problem, state, precision) for state in states]
     if problem.error == "period":
         shifts = [shift for shift, _ in passages]
         return [fraction(shifts[-1]) - (fraction(shifts[0]) if len(shifts) > 1 else 0)]
@@ -183,7 +183,9 @@ def compared_numbers(
     return [beta] if problem.error == "amplitude" else [gamma, v]
 
 
-def _passage(problem: Problem, state: Iterable[Any], precision: Precision) -> tuple[Any, Any]:
+def _section_crossing(
+    problem: Problem, state: Iterable[Any], precision: Precision
+) -> tuple[Any, Any]:
     """Return the time [s] by which a state precedes the section, or v = 0, and the state there."""
     ops, place, shift = precision.ops, precision.array(list(state)), precision.number(0)
     omega = precision.number(problem.omega)

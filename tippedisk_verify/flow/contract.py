@@ -244,7 +244,7 @@ class Request:
         False
     )
     events: tuple[Event, ...] = ()
-    #: Compute half-widths that hold the error of all numbers (`flow.error_estimate`).
+    #: Compute half-widths that hold the error of all numbers (`flow.half_widths_by_defect`).
     error_estimate: bool = False
     #: Significant digits. Beyond `PLAIN_DIGITS`, in doubles and with an error estimate, the error
     #: is removed from the result.
@@ -385,7 +385,7 @@ class Result(NamedTuple):
     error: ErrorEstimate | None = None
     evaluations: int | None = None  #: of the right-hand side, if the method counts them
     built: tuple[Build, ...] = ()  #: the compiled integrators used
-    series: Any = None  #: the steps' polynomials (`flow.stepper.Series`), if they are needed
+    series: Any = None  #: the steps' polynomials (`flow.stepper.DenseOutput`), if they are needed
     precision: Precision | None = None  #: the arithmetic of its numbers, if not the request's
 
 

@@ -30,7 +30,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
 
 from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.stepper import Series
+from tippedisk_verify.flow.stepper import DenseOutput
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
@@ -62,7 +62,7 @@ class Defect:
         nodes: The number of collocation nodes in a step.
     """
 
-    def __init__(self, request: Request, series: Series, wide: Precision, nodes: int) -> None:
+    def __init__(self, request: Request, series: DenseOutput, wide: Precision, nodes: int) -> None:
         self._series, self._coefficients, self._wide_precision = series, series.coefficients, wide
         self._places, self._weights, self._basis = _gauss(nodes)
         ends = series.times.astype(wide.number_type)

@@ -38,16 +38,16 @@ from tippedisk_verify.flow.system import (
 )
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
-__all__ = ["CompiledStepper", "Series"]
+__all__ = ["CompiledStepper", "DenseOutput"]
 
 _MAX_PASSES = 64  # the number of events passed near the start
 
 
-class Series:
+class DenseOutput:
     """The continuous output of a run: a polynomial for each step, in the time since the step's
     start.
 
-    A call converts times (k,) [s] to states (k, 3), exact to rounding. Threads may share a series,
+    A call converts times (k,) [s] to states (k, 3), exact to rounding. Threads may share it,
     whereas heyoka's own continuous output hands out memory that its next call overwrites.
     """
 
@@ -499,7 +499,7 @@ class CompiledStepper:
         series = None
         if self._step_series is not None:
             # A run that has taken no step stands at its start.
-            series = Series(
+            series = DenseOutput(
                 self.precision,
                 self._zero,
                 self._step_series or [(self._zero, whole[: self._series_rows, None])],

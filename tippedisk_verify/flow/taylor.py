@@ -124,7 +124,7 @@ class Taylor:
         """
         if not result.status.usable:
             return result._replace(series=None)
-        from tippedisk_verify.flow.error_estimate import half_widths_from_defect
+        from tippedisk_verify.flow.half_widths_by_defect import half_widths_from_defect
 
         refined = half_widths_from_defect(request, result)
         if refined is None and request.digits > PLAIN_DIGITS:
@@ -132,7 +132,7 @@ class Taylor:
             wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
             return self(wide)._replace(precision=precision)
         if refined is None:
-            from tippedisk_verify.flow.wider_run import half_widths_from_wider_run
+            from tippedisk_verify.flow.half_widths_by_wider_run import half_widths_from_wider_run
 
             refined = half_widths_from_wider_run(self, request, result)
             assert refined.error is not None

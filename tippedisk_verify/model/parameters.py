@@ -260,7 +260,7 @@ class Parameters(Printable):
         """
         self._refuse_unless(not self.law.two_sided, what, "analytic friction laws")
 
-    def refuse_own_law(self, what: str) -> None:
+    def refuse_custom_law(self, what: str) -> None:
         """Raise InputError if the friction law is not one of the paper's.
 
         Args:

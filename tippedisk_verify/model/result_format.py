@@ -105,7 +105,7 @@ def write_saved(
     """
     from tippedisk_verify import __version__
 
-    disk.refuse_own_law("results can be saved")
+    disk.refuse_custom_law("results can be saved")
     content = {
         "format": RESULT_FORMAT,
         "kind": kind,

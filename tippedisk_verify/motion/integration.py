@@ -46,7 +46,7 @@ from tippedisk_verify.numbers.precision import (
     wider_precision,
 )
 
-__all__ = ["EVENTS", "Motion"]
+__all__ = ["EVENTS", "MotionRequest"]
 
 _SAMPLES = 201  # the number of times if none are given
 _MIN_DURATION = 1e-300  # s; in longer runs, even times differ as extended numbers
@@ -64,7 +64,7 @@ EVENTS = {
 }
 
 
-class Motion:
+class MotionRequest:
     """A motion to integrate: the request to an engine, and how its result becomes a `Solution`.
 
     `Disk.integrate` defines the arguments.

@@ -2,7 +2,7 @@
 suffice.
 
 This serves numbers beyond doubles, derivatives, and errors that are no longer proportional to
-roundings (see `flow.error_estimate`). The half-width of a number q is
+roundings (see `flow.half_widths_by_defect`). The half-width of a number q is
 
     half-width = HALF_WIDTH_FACTOR |q - q_wide| + ulp(q)
 

@@ -22,7 +22,7 @@ from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.numbers.exact import as_list, fraction, short_text
 
 __all__ = [
-    "OWN_FAMILY",
+    "USER_FAMILY",
     "Solver",
     "checked_states",
     "question",
@@ -33,7 +33,7 @@ __all__ = [
 #: A user's integrator: the states (n, 3) at ``problem.times`` to a relative tolerance.
 Solver = Callable[[Problem, float], Any]
 #: The family of methods that users bring.
-OWN_FAMILY = "own"
+USER_FAMILY = "own"
 _MAX_RUN_SECONDS = 2.0  # s; after a longer run the tighter tolerances are left out
 _COLUMNS = ("problem", "setting", "seconds")
 
@@ -67,7 +67,7 @@ def user_method(
         return PreparedMethod(run, lambda: MethodRun("reached", states(problem, tolerance)), clock)
 
     return Method(
-        name, OWN_FAMILY, _settings(tolerances), prepare, max_run_seconds=_MAX_RUN_SECONDS
+        name, USER_FAMILY, _settings(tolerances), prepare, max_run_seconds=_MAX_RUN_SECONDS
     )
 
 
@@ -163,7 +163,7 @@ def _score_in(name: str, row: Mapping[str, str]) -> Score:
     return Score(
         problem=problem.name,
         method=name,
-        family=OWN_FAMILY,
+        family=USER_FAMILY,
         setting=row["setting"],
         status="reached",
         error=error,
