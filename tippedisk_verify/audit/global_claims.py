@@ -79,8 +79,8 @@ def _guess_converges(audit: Audit, set_name: str, printed: str) -> tuple[str, bo
         (cycle.v_0, truth.v_0),
         (cycle.period, truth.period),
     )
-    same = all((mine - other).holds(0) for mine, other in pairs)
-    return "converges to " + ", ".join(f"{float(mine):.4f}" for mine, _ in pairs), same
+    same = all((found - true).holds(0) for found, true in pairs)
+    return "converges to " + ", ".join(f"{float(found):.4f}" for found, _ in pairs), same
 
 
 def _least_contact_force(audit: Audit, set_name: str, printed: str) -> tuple[str, bool]:
@@ -116,15 +116,18 @@ def _engines_agree(audit: Audit, set_name: str, printed: str) -> Answer:
     for share in ("0.98", "0.997", "1.016"):
         for start in INITIAL_STATES:
             request = Request(parameters, crit * Fraction(share), start, 10)
-            mine, theirs = taylor(replace(request, error_estimate=True)), scipy(request)
-            if mine.status is not theirs.status or mine.error is None:
-                note = f"at {share} Omega_crit: {mine.status.value} against {theirs.status.value}"
+            by_taylor, by_scipy = taylor(replace(request, error_estimate=True)), scipy(request)
+            if by_taylor.status is not by_scipy.status or by_taylor.error is None:
+                note = f"at {share} Omega_crit: {by_taylor.status.value} against {by_scipy.status.value}"
                 return "the engines end differently", False, note
             worst = max(
                 worst,
-                *(Fraction(abs(a - b)) for a, b in zip(mine.state, theirs.state, strict=True)),
+                *(
+                    Fraction(abs(a - b))
+                    for a, b in zip(by_taylor.state, by_scipy.state, strict=True)
+                ),
             )
-            claimed = max(claimed, Fraction(mine.error.largest))
+            claimed = max(claimed, Fraction(by_taylor.error.largest))
     # The passages near the saddles within 10 s turn SciPy's local 1e-13 into up to 1e-10.
     agreed = worst <= Fraction(1, 10**10) and claimed <= Fraction(1, 10**11)
     note = (

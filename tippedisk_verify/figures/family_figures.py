@@ -242,8 +242,8 @@ def scenario_exhibit(audit: Audit, examined: Sequence[str]) -> Drawing:
             librating_branch(parameters, engine, omegas=[omega_h.value + s for s in steps])
         ),
     ]
-    reach = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
-    beyond = [omega_h.value + reach * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
+    speed_range = Fraction(birth[0]) + Fraction(1, 2) - omega_h.value
+    beyond = [omega_h.value + speed_range * Fraction(n, _SPEEDS) for n in range(1, _SPEEDS + 1)]
     rotating = cycles_found(
         rotating_branch(parameters, engine, [*(lowest + s for s in steps), *beyond])
     )

@@ -150,8 +150,8 @@ def _draw_panel(axis: Any, scores: Sequence[Score], looks: dict[str, dict[str, A
     bottom, top = min(errors) / 10, max(errors) * 10
     axis.set(xscale="log", yscale="log")
     for method, look in looks.items():
-        mine = [score for score in scores if score.method == method]
-        reached = [score for score in mine if score.error is not None and score.seconds]
+        of_method = [score for score in scores if score.method == method]
+        reached = [score for score in of_method if score.error is not None and score.seconds]
         times = [score.seconds for score in reached]
         axis.plot(times, [max(score.error or 0.0, _MIN_SHOWN_ERROR) for score in reached], **look)
     failed = dict.fromkeys(

@@ -187,9 +187,9 @@ def draw_scenes_3d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     for panel, axis in zip(panels, axes, strict=True):
         orbits = orbits_within(panel)
         low, high = _draw_panel(axis, panel, orbits, 3)
-        reach = max(0.75, *(float(abs(states[:, 0] - math.pi / 2).max()) for states in orbits))
+        half_range = max(0.75, *(float(abs(states[:, 0] - math.pi / 2).max()) for states in orbits))
         # The order-1 term diverges at sin(beta) = 0, so the surface ends before that.
-        beta, gamma, critical, slow = _surfaces(panel, min(reach + 0.05, 1.0), low, high)
+        beta, gamma, critical, slow = _surfaces(panel, min(half_range + 0.05, 1.0), low, high)
         sheet = axis.plot_surface(
             beta, gamma, slow, color=GREY, alpha=0.45, lw=0, rstride=1, cstride=1, zorder=1
         )
@@ -216,15 +216,16 @@ def draw_scenes_3d(panels: Sequence[ComputedScene], columns: int = 2) -> Any:
     return figure
 
 
-def _surfaces(panel: ComputedScene, reach: float, low: float, high: float) -> tuple[Any, ...]:
+def _surfaces(panel: ComputedScene, half_range: float, low: float, high: float) -> tuple[Any, ...]:
     """Return beta, gamma, and v on the slow manifold of orders 0 and 1, as arrays over a grid.
 
-    The grid reaches ``reach`` [rad] from beta = pi/2.
+    The grid reaches ``half_range`` [rad] from beta = pi/2.
     """
     import numpy
 
     beta, gamma = numpy.meshgrid(
-        numpy.linspace(math.pi / 2 - reach, math.pi / 2 + reach, 33), numpy.linspace(low, high, 65)
+        numpy.linspace(math.pi / 2 - half_range, math.pi / 2 + half_range, 33),
+        numpy.linspace(low, high, 65),
     )
     constants, omega = panel.parameters.constants_in(DOUBLE), float(panel.omega)
     return (

@@ -101,9 +101,9 @@ def _half_widths(
         bound = abs(exact - truths) * HALF_WIDTH_FACTOR + abs(exact) * ulp
         return round_to_doubles(bound) if precision.kind == "double" else bound
 
-    def time_width(mine: Any, theirs: Any) -> float:
+    def time_width(time: Any, wider_time: Any) -> float:
         return float(
-            half_widths_in_doubles(widths(precision.array([mine]), wider.array([theirs])))[0]
+            half_widths_in_doubles(widths(precision.array([time]), wider.array([wider_time])))[0]
         )
 
     def of_all(name: str) -> Any:
@@ -115,8 +115,8 @@ def _half_widths(
         state=of_all("state"),
         time=0.0 if result.status is Status.REACHED else time_width(result.time, check.time),
         samples=of_all("samples"),
-        events=tuple(time_width(mine.time, wide.time) for mine, wide in crossings),
-        event_states=tuple(widths(mine.state, wide.state) for mine, wide in crossings),
+        events=tuple(time_width(event.time, check.time) for event, check in crossings),
+        event_states=tuple(widths(event.state, check.state) for event, check in crossings),
         derivatives=of_all("derivatives"),
         sample_derivatives=of_all("sample_derivatives"),
     )
@@ -146,10 +146,10 @@ def _end_far_apart(first: Result, second: Result) -> bool:
     """
     if not _end_alike(first, second):
         return False
-    for mine, theirs in ((first.state, second.state), (first.samples, second.samples)):
-        if mine is not None and len(mine):
-            values = round_to_doubles(mine)
-            distance, size = abs(round_to_doubles(theirs) - values), 1 + abs(values)
+    for states, others in ((first.state, second.state), (first.samples, second.samples)):
+        if states is not None and len(states):
+            values = round_to_doubles(states)
+            distance, size = abs(round_to_doubles(others) - values), 1 + abs(values)
             if (distance[..., :2] > _MAX_PROPORTIONAL_DISTANCE).any() or (
                 distance[..., 2] > _MAX_PROPORTIONAL_DISTANCE * size[..., 2]
             ).any():

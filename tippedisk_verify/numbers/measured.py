@@ -48,8 +48,8 @@ def _operator_method(
     """
 
     def operation(self: Bounded, other: object) -> Measured:
-        theirs = _operand(other)
-        return NotImplemented if theirs is None else act(self, theirs)
+        operand = _operand(other)
+        return NotImplemented if operand is None else act(self, operand)
 
     return operation
 
@@ -153,26 +153,26 @@ class Bounded(Approximate):
         Raises:
             AccuracyError: If the half-widths leave the comparison undecided.
         """
-        theirs = _operand(other)
-        if theirs is None:
+        operand = _operand(other)
+        if operand is None:
             return NotImplemented  # type: ignore[no-any-return]
-        difference = self - theirs if self is not theirs else Measured(Fraction(0), Fraction(0))
+        difference = self - operand if self is not operand else Measured(Fraction(0), Fraction(0))
         low, high = (compare(end, 0) for end in difference._ends())
         if low != high:
             raise AccuracyError(
-                f"{self} and {theirs} cannot be distinguished: ask for more digits, or compare the"
+                f"{self} and {operand} cannot be distinguished: ask for more digits, or compare the"
                 " values by float(), as sorted(xs, key=float) does"
             )
         return low
 
     def __eq__(self, other: object) -> bool:
         try:
-            theirs = _operand(other)
+            operand = _operand(other)
         except InputError:  # infinite, or not a number
             return False
-        if theirs is None:
+        if operand is None:
             return NotImplemented
-        return (self.value, self.uncertainty) == (theirs.value, theirs.uncertainty)
+        return (self.value, self.uncertainty) == (operand.value, operand.uncertainty)
 
     def __hash__(self) -> int:
         return hash((self.value, self.uncertainty) if self.uncertainty else self.value)
@@ -223,15 +223,15 @@ class Bounded(Approximate):
 
     @_operator_method
     def __mul__(self, other: Measured) -> Measured:
-        mine, its = self.uncertainty, other.uncertainty
-        width = abs(self.value) * its + abs(other.value) * mine + mine * its
+        product = self.uncertainty * other.uncertainty
+        width = abs(self.value) * other.uncertainty + abs(other.value) * self.uncertainty + product
         return Measured(self.value * other.value, width)
 
     __radd__, __rmul__ = __add__, __mul__
-    __sub__ = _operator_method(lambda mine, other: mine + -other)
-    __rsub__ = _operator_method(lambda mine, other: other + -mine)
-    __truediv__ = _operator_method(lambda mine, other: mine * other._inverse())
-    __rtruediv__ = _operator_method(lambda mine, other: other * mine._inverse())
+    __sub__ = _operator_method(lambda self, other: self + -other)
+    __rsub__ = _operator_method(lambda self, other: other + -self)
+    __truediv__ = _operator_method(lambda self, other: self * other._inverse())
+    __rtruediv__ = _operator_method(lambda self, other: other * self._inverse())
 
     def _inverse(self) -> Measured:
         least = abs(self.value) - self.uncertainty
@@ -255,11 +255,11 @@ class Bounded(Approximate):
         )
 
     def __rpow__(self, other: object) -> Measured:
-        theirs = _operand(other)
+        operand = _operand(other)
         # Python 3.11 converts a Fraction to a float before calling this method.
-        if theirs and isinstance(other, float):
-            theirs = Measured(theirs.value, abs(theirs.value) / 2**53 + Fraction(1, 2**1075))
-        return NotImplemented if theirs is None else theirs**self
+        if operand and isinstance(other, float):
+            operand = Measured(operand.value, abs(operand.value) / 2**53 + Fraction(1, 2**1075))
+        return NotImplemented if operand is None else operand**self
 
     def _function_value(self, name: str) -> Measured:
         """Return a function of this number with a half-width: sqrt, log, exp, sin or cos, as
@@ -397,8 +397,8 @@ class Measured(Bounded):
             accurate: The same value of the run with more digits.
             epsilon: The relative size of an ulp.
         """
-        mine = fraction(value)
-        return cls(mine, abs(mine - fraction(accurate)) * HALF_WIDTH_FACTOR + abs(mine) * epsilon)
+        own = fraction(value)
+        return cls(own, abs(own - fraction(accurate)) * HALF_WIDTH_FACTOR + abs(own) * epsilon)
 
     @property
     def is_measured(self) -> bool:

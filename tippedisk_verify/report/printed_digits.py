@@ -21,13 +21,13 @@ def printed_digits_reached(value: str, printed: str) -> tuple[int, int] | None:
         The significant digits that agree and those printed, or None if a text is not a number.
     """
     try:
-        mine, theirs = Decimal(value), Decimal(printed)
+        computed, claimed = Decimal(value), Decimal(printed)
     except InvalidOperation:
         return None
-    if not (mine.is_finite() and theirs.is_finite() and theirs):
+    if not (computed.is_finite() and claimed.is_finite() and claimed):
         return None
-    place = Fraction(10) ** int(theirs.as_tuple().exponent)
-    texts = [f"{round(Fraction(number) / place):+d}" for number in (mine, theirs)]
+    place = Fraction(10) ** int(claimed.as_tuple().exponent)
+    texts = [f"{round(Fraction(number) / place):+d}" for number in (computed, claimed)]
     pairs = zip(*texts, strict=False) if len(texts[0]) == len(texts[1]) else iter(())
     same = sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))  # counts the sign too
     return max(0, same - 1), len(texts[1]) - 1

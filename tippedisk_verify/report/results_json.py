@@ -72,7 +72,7 @@ def claim_json(claim: Claim, finding: Finding, job: AuditJob) -> dict[str, Any]:
         "printed": claim.printed,
         "computed": by_set.get(job.parameters.name),
         "computed_by_set": by_set,
-        "agreed_digits": {name: mine for name, (mine, _) in agreed.items()},
+        "agreed_digits": {name: count for name, (count, _) in agreed.items()},
         "printed_digits": next((whole for _, whole in agreed.values()), None),
         "verdict": finding.verdict.value,
         **_fault_json(claim, finding),

@@ -106,10 +106,10 @@ class _Call:
 
 
 def _checked(version: str, call: Callable[[], Any]) -> Any:
-    if (mine := code_version()) != version:
+    if (own_version := code_version()) != version:
         where = f"process {os.getpid()} on {platform.node()}"
         raise AccuracyError(
-            f"all workers need the same code, but {where} has {mine} instead of {version}"
+            f"all workers need the same code, but {where} has {own_version} instead of {version}"
         )
     return call()
 

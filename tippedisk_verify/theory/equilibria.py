@@ -126,13 +126,13 @@ def linearization(
     """
     constants = parameters.rational_constants()
     side = 1 if name == "inverted" else -1
-    reach = constants.r + side * constants.e
+    height = constants.r + side * constants.e
     friction = constants.k / constants.b
     return Linearization(
         omega=omega,
-        A31=constants.g * reach / constants.b - omega**2,
-        A32=-side * friction * constants.e * reach * omega,
-        A33=-friction * reach**2,
+        A31=constants.g * height / constants.b - omega**2,
+        A32=-side * friction * constants.e * height * omega,
+        A33=-friction * height**2,
     )
 
 

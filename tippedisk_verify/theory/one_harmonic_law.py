@@ -70,14 +70,14 @@ def kappa_1(constants: Any, omega: Any, frequency_squared: Any, form: Form) -> A
         constants.A,
         constants.Bbar,
     )
-    reach = r + e
+    height = r + e
     sign = -1 if form == "printed" else 1
     return (
-        (Bbar - 3 * A + sign * 2 * m * e * reach) * omega**2 / 4
-        - m * reach**2 * frequency_squared / 2
+        (Bbar - 3 * A + sign * 2 * m * e * height) * omega**2 / 4
+        - m * height**2 * frequency_squared / 2
         + m * g * e * omega**2 / frequency_squared / 8
         - (Bbar - A) * omega**4 / frequency_squared / 4
-        + m * g * reach / 8
+        + m * g * height / 8
     )
 
 
