@@ -156,8 +156,8 @@ class Fault(NamedTuple):
 FAULTS = [
     Fault(
         "radii are rounded down",
-        "_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF",
-        "_RADIUS_FACTOR = 1 - 16 * _UNIT_ROUNDOFF",
+        "_RADIUS_FACTOR = 1 + 16 * UNIT_ROUNDOFF",
+        "_RADIUS_FACTOR = 1 - 16 * UNIT_ROUNDOFF",
         "binary",
     ),
     Fault(
@@ -190,7 +190,7 @@ FAULTS = [
     Fault("pi ends after its second part", "_HALF_PI_B) - n * _HALF_PI_C", "_HALF_PI_B)", "sines"),
     Fault(
         "the cosine's rounding is dropped",
-        "reduction_error + 2.5 * _UNIT_ROUNDOFF",
+        "reduction_error + 2.5 * UNIT_ROUNDOFF",
         "reduction_error",
         "sines",
     ),
@@ -203,13 +203,13 @@ FAULTS = [
     ),
     Fault(
         "the convolution's sum is not rounded",
-        "(self._length + 0.5) * _UNIT_ROUNDOFF",
+        "(self._length + 0.5) * UNIT_ROUNDOFF",
         "0",
         "convolutions",
     ),
     Fault(
         "the convolution's radius is rounded to nearest",
-        "1 + (4 * k + 32) * _UNIT_ROUNDOFF",
+        "1 + (4 * k + 32) * UNIT_ROUNDOFF",
         "1.0",
         "convolutions",
     ),

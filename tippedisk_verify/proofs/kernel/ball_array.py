@@ -53,25 +53,27 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tippedisk_verify.proofs.kernel.balls import DisturbedError
-from tippedisk_verify.proofs.kernel.doubles import outward_rounded, sine_and_cosine
+from tippedisk_verify.proofs.kernel.doubles import (
+    SMALLEST_NORMAL,
+    UNIT_ROUNDOFF,
+    Array,
+    outward_rounded,
+    sine_and_cosine,
+)
 
 if TYPE_CHECKING:
     from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 
 __all__ = ["BallArray", "unchecked_ball_array", "with_rounding", "without_warnings"]
 
-Array = NDArray[np.float64]
-
-_UNIT_ROUNDOFF = 2.0**-53
-_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF
+_RADIUS_FACTOR = 1 + 16 * UNIT_ROUNDOFF
 _UNDERFLOW_ALLOWANCE = 2.0**-1000
-_SMALLEST_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
 _EXACT_INTEGERS = 2**53
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _IGNORES_WARNINGS: ContextVar[bool] = ContextVar("_IGNORES_WARNINGS", default=False)
-_PROBE_STEPS = np.array([_UNIT_ROUNDOFF, 3 * _UNIT_ROUNDOFF])
-_PROBE_SUMS = np.array([1.0, 1 + 4 * _UNIT_ROUNDOFF])  # 1 + step, rounded to nearest
+_PROBE_STEPS = np.array([UNIT_ROUNDOFF, 3 * UNIT_ROUNDOFF])
+_PROBE_SUMS = np.array([1.0, 1 + 4 * UNIT_ROUNDOFF])  # 1 + step, rounded to nearest
 
 
 def _require_rounding_to_nearest() -> None:
@@ -140,8 +142,8 @@ class BallArray:
         m[small] = 0.0
         # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its
         # rounding.
-        r[(r_bits > 0) & (r_bits < 2**52)] = _SMALLEST_NORMAL
-        r[small] = (r[small] + 4 * _SMALLEST_NORMAL) * _RADIUS_FACTOR
+        r[(r_bits > 0) & (r_bits < 2**52)] = SMALLEST_NORMAL
+        r[small] = (r[small] + 4 * SMALLEST_NORMAL) * _RADIUS_FACTOR
         r[~(np.isfinite(m) & (r >= 0))] = np.inf
         self._mid, self._rad = m, r
 
@@ -412,7 +414,7 @@ def with_rounding(middle: Array, radius: Array, up: float = _RADIUS_FACTOR) -> B
     infinity.
     """
     rounding = np.abs(middle)
-    rounding *= _UNIT_ROUNDOFF
+    rounding *= UNIT_ROUNDOFF
     radius += rounding
     radius *= up
     radius += _UNDERFLOW_ALLOWANCE
@@ -428,7 +430,7 @@ def _exact_float(value: Any) -> float | None:
         return float(value)
     return (
         float(value)
-        if isinstance(value, float) and _SMALLEST_NORMAL <= abs(value) < np.inf
+        if isinstance(value, float) and SMALLEST_NORMAL <= abs(value) < np.inf
         else None
     )
 

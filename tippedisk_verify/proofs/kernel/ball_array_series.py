@@ -10,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.ball_array import (
     BallArray,
@@ -18,13 +17,10 @@ from tippedisk_verify.proofs.kernel.ball_array import (
     with_rounding,
     without_warnings,
 )
+from tippedisk_verify.proofs.kernel.doubles import SMALLEST_NORMAL, UNIT_ROUNDOFF, Array
 
 __all__ = ["BallArraySeries"]
 
-Array = NDArray[np.float64]
-
-_UNIT_ROUNDOFF = 2.0**-53
-_SMALLEST_NORMAL = 2.0**-1022
 _MAX_TERMS = 2**16  # terms of a convolution: the count of roundings in its proof
 _CAPACITY = 24  # the initial capacity in coefficients
 
@@ -55,9 +51,9 @@ class BallArraySeries(Sequence[BallArray]):
         mid, size, spread, upper, rad = self._rows[:, self._length]
         mid[:], rad[:] = ball.midpoints, ball.radii
         np.abs(mid, out=size)
-        np.multiply(size, (self._length + 0.5) * _UNIT_ROUNDOFF, out=spread)
+        np.multiply(size, (self._length + 0.5) * UNIT_ROUNDOFF, out=spread)
         # The product may underflow, and its loss is later multiplied by the other factor
-        spread += _SMALLEST_NORMAL * (size > 0)
+        spread += SMALLEST_NORMAL * (size > 0)
         spread += rad
         np.add(size, rad, out=upper)
         self._length += 1
@@ -119,4 +115,4 @@ class BallArraySeries(Sequence[BallArray]):
         a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
         middle = np.einsum("kn,kn->n", a[0], b[0])
         radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
-        return with_rounding(middle, radius, 1 + (4 * k + 32) * _UNIT_ROUNDOFF)
+        return with_rounding(middle, radius, 1 + (4 * k + 32) * UNIT_ROUNDOFF)
