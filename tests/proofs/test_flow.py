@@ -135,7 +135,6 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
         path = model().path(start(), FlightStepSearch())
         while path.time < arb(0.1):
             step = path.step()
-            assert step is not None
             for share in (0, 0.3, 0.7, 1):
                 state = step.states_at(ball(share * step.length))
                 assert all(

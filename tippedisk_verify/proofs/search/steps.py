@@ -226,9 +226,11 @@ def searched_test(
     radii: Sequence[Any],
     third_deviation: Any,
     centre: tuple[FlightStepSearch, PoincareImage] | None = None,
-) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
+) -> tuple[KrawczykResult, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
     evidence.
+
+    Raises FlightStopped as `krawczyk_test` does.
 
     Args:
         setting: The disk and the friction law.
@@ -242,12 +244,6 @@ def searched_test(
     """
     centre_search, flight = (FlightStepSearch(), None) if centre is None else centre
     box_search = FlightStepSearch()
-    preconditioner: list[Sequence[Any]] = []
-
-    def inverse(matrix: Matrix) -> Matrix:
-        preconditioner[:] = midpoint_inverse(matrix)
-        return preconditioner
-
     deviations = [arb(0, size) for size in radii]
     deviations.insert({0, 1, 2}.difference(unknown_indices).pop(), third_deviation)
     fixed = krawczyk_test(
@@ -257,10 +253,10 @@ def searched_test(
         deviations,
         unknown_indices,
         (centre_search, box_search),
-        inverse,
+        midpoint_inverse,
         flight,
     )
-    box = {"radii": radii, "inverse": preconditioner, "flight": box_search}
+    box = {"radii": radii, "inverse": fixed.preconditioner, "flight": box_search}
     return fixed, {
         "middle": [middle[k] for k in unknown_indices],
         "centre": centre_search,
