@@ -29,9 +29,8 @@ import pytest
 
 from tests.proofs.ball_array_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import ball_array, ball_array_series, doubles
-from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
+from tippedisk_verify.proofs.kernel import ball_array, doubles
+from tippedisk_verify.proofs.kernel.ball_array import BallArray, BallArraySeries
 from tippedisk_verify.proofs.kernel.balls import (
     DisturbedError,
     arb,
@@ -142,7 +141,7 @@ def test_an_earlier_result_is_not_overwritten() -> None:
 
 
 # ----------------------------------------------------------------------------------- planted faults
-MODULES = (ball_array, doubles, ball_array_series)
+MODULES = (ball_array, doubles)
 SOURCES = {module: Path(module.__file__).read_text(encoding="utf-8") for module in MODULES}
 
 
@@ -253,9 +252,6 @@ def mutant(old: str, new: str) -> ModuleType:
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
     copies[ball_array].outward_rounded = copies[doubles].outward_rounded
-    for name in ("unchecked_ball_array", "with_rounding"):
-        setattr(copies[ball_array_series], name, getattr(copies[ball_array], name))
-    copies[ball_array].BallArraySeries = copies[ball_array_series].BallArraySeries
     return copies[ball_array]
 
 

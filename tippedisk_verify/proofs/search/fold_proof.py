@@ -197,10 +197,10 @@ class _FoldAttempt:
             fixed = self.test_box("arc", arc, *box)
             if fixed.included:
                 return fixed
-            image = [(part.mid(), 2 * part.rad()) for part in fixed.image[1:]]
-            finite = all(part.is_finite() for part in fixed.image)
+            image, finite = fixed.image[1:], all(part.is_finite() for part in fixed.image)
+            wider = [part.mid() for part in image], [2 * part.rad() for part in image]
             refusal = "on the arc, Krawczyk's image does not lie inside the box"
-            raise SearchStopped(None, refusal, [*zip(*image, strict=True)] if finite else None)
+            raise SearchStopped(None, refusal, wider if finite else None)
 
         first_radii = [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()]
         first_box = [ball(part).mid() for part in self.near], first_radii

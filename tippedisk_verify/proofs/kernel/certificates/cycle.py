@@ -90,18 +90,18 @@ def main_numbers(section: PoincareSection) -> tuple[str, ...]:
     )
 
 
-def box_centre(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+def box_centre(setting: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
     """Return the centre of the box in which a cycle is tested, and the speed's deviation from it.
 
     Args:
-        claim: The claim, with its exact speed.
+        setting: Contains the exact speed (``omega``).
         middle: Both coordinates of the centre on the section, as exact numbers.
 
     Returns:
         A list of these coordinates and of the midpoint of a ball that holds the speed. Then that
         ball minus its midpoint.
     """
-    speed = ball(claim["omega"])
+    speed = ball(setting["omega"])
     return [*middle, speed.mid()], speed - speed.mid()
 
 
