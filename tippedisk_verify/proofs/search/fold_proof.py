@@ -80,9 +80,7 @@ class FoldProof(Proof):
     #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
-    @property
-    def status(self) -> None:
-        """None: a fold has no status, and ``outcome_detail`` gives the reason of a failure."""
+    status = None  #: a fold has no status: ``outcome_detail`` gives the reason of a failure
 
     @property
     def proved(self) -> bool:
