@@ -31,14 +31,9 @@ from tests.proofs.ball_array_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
 from tippedisk_verify.proofs.kernel import ball_array, doubles
 from tippedisk_verify.proofs.kernel.ball_array import BallArray, BallArraySeries
-from tippedisk_verify.proofs.kernel.balls import (
-    DisturbedError,
-    arb,
-    ball,
-    ball_constants,
-    working_precision,
-)
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.numbers import ball_constants
 
 ORDER = 20
 COUNT = 1500  # cases of an attack: enough for each planted fault

@@ -17,10 +17,10 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareImage,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path, rounded_down_to_20_bits
-from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.numbers import model_for_disk
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
 
 OMEGA, START = "30.4", (1.7, -1.72)
 

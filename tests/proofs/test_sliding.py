@@ -14,17 +14,11 @@ import pytest
 from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
-from tippedisk_verify.proofs.kernel.balls import (
-    arb,
-    ball,
-    ball_constants,
-    positive,
-    working_precision,
-)
+from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep, model_for_disk
+from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionProof,
     prove_connection,

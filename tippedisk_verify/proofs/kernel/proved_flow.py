@@ -12,7 +12,6 @@ nothing else is required of a proposer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Protocol
@@ -43,7 +42,6 @@ __all__ = [
     "Model",
     "Path",
     "StepProposer",
-    "rounded_down_to_20_bits",
 ]
 
 _MAX_RADIUS_BITS = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
@@ -123,8 +121,7 @@ class Model:
     flights.
 
     Args:
-        constants: As from `vector_field.field_constants` or `balls.ball_constants`, or arrays of
-            balls.
+        constants: Those of `vector_field.FieldConstants`, as balls or arrays of balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
         make_vector_field: The equations, if they are not those of the linear law.
         extra_parameters: Further numbers that ``make_vector_field`` takes after the speed.
@@ -293,9 +290,3 @@ class Path:
             self.time + moment,
             self.step_count + 1,
         )
-
-
-def rounded_down_to_20_bits(length: float) -> float:
-    """Round a step length down to 20 bits, so that sums of lengths are exact."""
-    mantissa, exponent = math.frexp(length)
-    return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

@@ -53,7 +53,6 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     arb,
-    ball_constants,
     converted_like,
     magnitude_estimate,
     negative,
@@ -79,7 +78,6 @@ __all__ = [
     "SlidingPath",
     "SlidingReversalStep",
     "SmoothModel",
-    "model_for_disk",
     "model_for_friction",
 ]
 
@@ -99,14 +97,6 @@ def model_for_friction(friction: str, constants: Any, omega: Any) -> Model:
     ``friction`` is 'linear' or 'smooth'.
     """
     return (SmoothModel if FRICTION_LAWS[friction].two_sided else Model)(constants, omega)
-
-
-def model_for_disk(parameters: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
-
-    All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
-    """
-    return model_for_friction(parameters.friction, ball_constants(parameters), omega)
 
 
 class SmoothModel(Model):

@@ -31,13 +31,7 @@ from tippedisk_verify.proofs.closed_forms import (
     exact_polynomial,
     real_root,
 )
-from tippedisk_verify.proofs.kernel.balls import (
-    Unproved,
-    ball,
-    ball_constants,
-    coefficient,
-    working_precision,
-)
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, coefficient, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EIGENVALUES,
     EVIDENCE_SHAPE,
@@ -58,7 +52,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import Path
-from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
     EvidenceSearch,
     Proof,

@@ -34,10 +34,9 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
-from tippedisk_verify.proofs.kernel.sliding import model_for_disk
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
-from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
 from tippedisk_verify.proofs.search.proof import (
     Proof,
     SearchStopped,

@@ -22,9 +22,9 @@ import numpy as np
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
-from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,

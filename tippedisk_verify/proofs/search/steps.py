@@ -19,12 +19,17 @@ from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, krawczyk_test
 from tippedisk_verify.proofs.kernel.poincare_map import PoincareImage, PoincareSection
-from tippedisk_verify.proofs.kernel.proved_flow import Path, rounded_down_to_20_bits
+from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, log2_magnitude
 
-__all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
+__all__ = [
+    "FlightStepSearch",
+    "axes_of_balls",
+    "rounded_down_to_20_bits",
+    "searched_test",
+]
 
 _MIN_ORDER = 16  # of derivatives that only multiply radii
 # Over a wide box, the order of the series and the decay along v in a step. Balls add up
@@ -216,6 +221,12 @@ def _estimated_length(series: Sequence[Sequence[Any]], allowed: Sequence[int]) -
 def _rounded_centre(point: Any) -> Any:
     mantissa, exponent = math.frexp(float(point))
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
+
+
+def rounded_down_to_20_bits(length: float) -> float:
+    """Round a step length down to 20 bits, so that sums of lengths are exact."""
+    mantissa, exponent = math.frexp(length)
+    return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)
 
 
 def searched_test(
