@@ -81,7 +81,6 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
             (flight.time, truth.time),
             (flight.beta_least, truth.beta_least),
             *zip(flight.image, truth.image, strict=True),
-            *zip(flight.image_by_omega, truth.image_by_omega, strict=True),
             *zip(
                 (*flight.image_by_start[0], *flight.image_by_start[1]),
                 (*truth.image_by_start[0], *truth.image_by_start[1]),

@@ -144,8 +144,8 @@ def apply_krawczyk_operator(
         box: The map over the box, with derivatives.
     """
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
-    (a, b), (c, d) = box.image_by_start
-    jacobian = (a - 1, b, box.image_by_omega[0]), (c, d - 1, box.image_by_omega[1])
+    (a, b, e), (c, d, f) = box.image_by_start
+    jacobian = (a - 1, b, e), (c, d - 1, f)
     preconditioner = inverse([[row[k] for k in unknown_indices] for row in jacobian])
     (other,) = {0, 1, 2}.difference(unknown_indices)
     width = [deviations[k] for k in unknown_indices]

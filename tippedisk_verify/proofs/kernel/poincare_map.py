@@ -96,6 +96,7 @@ class PoincareImage:
     """The proved properties of all orbits from a box on a section at their return to the section.
 
     The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
+    Derivatives are taken with respect to (x, Omega), over the box and the speeds in their ball.
     """
 
     steps: int
@@ -103,11 +104,9 @@ class PoincareImage:
     time: Any  #: flight time [s]
     image: Any  #: x under the map
     beta_least: Any = None  #: half map only: the least beta_bar, at the turn [rad]
-    beta_least_by_start: Any = None  #: its derivatives with respect to (x, Omega)
-    image_by_start: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
-    image_by_omega: Any = None
-    time_by_start: Any = None
-    time_by_omega: Any = None
+    beta_least_by_start: Any = None  #: (3,)
+    image_by_start: Any = None  #: (2, 3)
+    time_by_start: Any = None  #: (3,)
     divergence: Any = None  #: integral of div f over the flight
 
 
@@ -300,10 +299,8 @@ class PoincareMap:
                 for row in (first, 2)
             ]
             derivatives = {
-                "image_by_start": tuple(tuple(row[:2]) for row in rows),
-                "image_by_omega": tuple(row[2] for row in rows),
-                "time_by_start": tuple(times[:2]),
-                "time_by_omega": times[2],
+                "image_by_start": rows,
+                "time_by_start": times,
                 "divergence": path.divergence,
             }
         return PoincareImage(

@@ -324,7 +324,7 @@ class CycleAttempt:
                 except FlightStopped as fault:
                     raise SearchStopped(CycleStatus.NOT_FOLLOWED, f"at {fault}") from None
                 if matrix is None:
-                    (a, b), (c, d) = flight.image_by_start
+                    (a, b, _), (c, d, _) = flight.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = matrix_times_vector(
