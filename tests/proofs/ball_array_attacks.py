@@ -14,7 +14,6 @@ from fractions import Fraction
 
 import numpy as np
 
-from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 
 SMALLEST = 2.0**-1074
@@ -286,7 +285,7 @@ def convolutions(module, count: int, seed: int = 5, lengths=(1, 2, 3, 5, 9, 17, 
         ]
         series = []
         for side in range(2):
-            made = getattr(module, "BallArraySeries", BallArraySeries)(width)
+            made = module.BallArraySeries(width)
             for i in range(length):
                 made.append(balls_of(module, [column[side][i] for column in columns]))
             series.append(made)

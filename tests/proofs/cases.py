@@ -19,15 +19,10 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import (
-    FlowStatus,
-    Model,
-    Path,
-    rounded_down_to_20_bits,
-)
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus, Model, Path
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
 
 MIN_STEP = 2.0**-40  # s
 NUMBERS = (
@@ -76,14 +71,11 @@ def flow_for(
     upright, share = True, 1.0
     while True:
         left = span - path.time  # positive: what was taken is proved to be shorter
-        step = path.step(
-            max(
-                share * rounded_down_to_20_bits(float(left.abs_upper()) * (1 + 2.0**-18)),
-                2 * MIN_STEP,
-            )
-        )
-        if step is None:
-            return Flight(path.status or FlowStatus.NO_ENCLOSURE, path)
+        length = share * rounded_down_to_20_bits(float(left.abs_upper()) * (1 + 2.0**-18))
+        try:
+            step = path.step(max(length, 2 * MIN_STEP))
+        except FlightStopped as fault:
+            return Flight(fault.status, path)
         if not (left <= step.length or left > step.length):
             share /= 2  # the step ends within the duration's ball
             continue
@@ -141,14 +133,13 @@ def krawczyk_result(
     """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
-    centre = enclose_poincare_map(model, section, middle, FlightStepSearch())
-    over = enclose_poincare_map(model, section, box, FlightStepSearch(), derivatives=True)
-    if (centre.status, over.status) != (FlowStatus.RETURNED, FlowStatus.RETURNED):
+    try:
+        centre = enclose_poincare_map(model, section, middle, FlightStepSearch())
+        over = enclose_poincare_map(model, section, box, FlightStepSearch(), derivatives=True)
+    except FlightStopped:
         return None
-    (a, b), (c, d) = over.image_by_start
-    inverse = midpoint_inverse(((a - 1, b), (c, d - 1)))
     return apply_krawczyk_operator(
-        [*middle, arb(0)], [*away, arb(0)], (0, 1), inverse, centre, over
+        [*middle, arb(0)], [*away, arb(0)], (0, 1), midpoint_inverse, centre, over
     )
 
 

@@ -29,17 +29,11 @@ import pytest
 
 from tests.proofs.ball_array_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
-from tippedisk_verify.proofs.kernel import ball_array, ball_array_series, doubles
-from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
-from tippedisk_verify.proofs.kernel.balls import (
-    DisturbedError,
-    arb,
-    ball,
-    ball_constants,
-    working_precision,
-)
+from tippedisk_verify.proofs.kernel import ball_array, doubles
+from tippedisk_verify.proofs.kernel.ball_array import BallArray, BallArraySeries
+from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.numbers import ball_constants
 
 ORDER = 20
 COUNT = 1500  # cases of an attack: enough for each planted fault
@@ -142,7 +136,7 @@ def test_an_earlier_result_is_not_overwritten() -> None:
 
 
 # ----------------------------------------------------------------------------------- planted faults
-MODULES = (ball_array, doubles, ball_array_series)
+MODULES = (ball_array, doubles)
 SOURCES = {module: Path(module.__file__).read_text(encoding="utf-8") for module in MODULES}
 
 
@@ -156,8 +150,8 @@ class Fault(NamedTuple):
 FAULTS = [
     Fault(
         "radii are rounded down",
-        "_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF",
-        "_RADIUS_FACTOR = 1 - 16 * _UNIT_ROUNDOFF",
+        "_RADIUS_FACTOR = 1 + 16 * UNIT_ROUNDOFF",
+        "_RADIUS_FACTOR = 1 - 16 * UNIT_ROUNDOFF",
         "binary",
     ),
     Fault(
@@ -190,7 +184,7 @@ FAULTS = [
     Fault("pi ends after its second part", "_HALF_PI_B) - n * _HALF_PI_C", "_HALF_PI_B)", "sines"),
     Fault(
         "the cosine's rounding is dropped",
-        "reduction_error + 2.5 * _UNIT_ROUNDOFF",
+        "reduction_error + 2.5 * UNIT_ROUNDOFF",
         "reduction_error",
         "sines",
     ),
@@ -203,13 +197,13 @@ FAULTS = [
     ),
     Fault(
         "the convolution's sum is not rounded",
-        "(self._length + 0.5) * _UNIT_ROUNDOFF",
+        "(self._length + 0.5) * UNIT_ROUNDOFF",
         "0",
         "convolutions",
     ),
     Fault(
         "the convolution's radius is rounded to nearest",
-        "1 + (4 * k + 32) * _UNIT_ROUNDOFF",
+        "1 + (4 * k + 32) * UNIT_ROUNDOFF",
         "1.0",
         "convolutions",
     ),
@@ -253,9 +247,6 @@ def mutant(old: str, new: str) -> ModuleType:
     copies = {original: executed(source.replace(old, new)) for original, source in SOURCES.items()}
     copies[ball_array].sine_and_cosine = copies[doubles].sine_and_cosine
     copies[ball_array].outward_rounded = copies[doubles].outward_rounded
-    for name in ("unchecked_ball_array", "with_rounding"):
-        setattr(copies[ball_array_series], name, getattr(copies[ball_array], name))
-    copies[ball_array].BallArraySeries = copies[ball_array_series].BallArraySeries
     return copies[ball_array]
 
 

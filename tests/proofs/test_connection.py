@@ -69,7 +69,7 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
     repelling = (Measured(-slow.value, slow.uncertainty), slow, fast)
     for changed in (
         {"unique": False},
-        {"arrives_along_slow_direction": False},
+        {"verified": replace(proof.verified, arrives_along_slow_direction=False)},
         {"saddle_eigenvalues": repelling},
         {"saddle_eigenvalues": (Measured(9 + unstable.value, unstable.uncertainty), slow, fast)},
         {"status": ConnectionStatus.SIDES},

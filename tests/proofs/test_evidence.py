@@ -17,10 +17,10 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareImage,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, rounded_down_to_20_bits
-from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.numbers import model_for_disk
+from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
 
 OMEGA, START = "30.4", (1.7, -1.72)
 
@@ -65,22 +65,22 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
         with working_precision(64):
             box = [part + arb(0, size) for part in map(ball, START)]
             proposer = CarelessSearch(random.Random(seed))
-            flight = enclose_poincare_map(
-                model_for_disk(parameters, ball(OMEGA)),
-                LIBRATING_SECTION,
-                box,
-                proposer,
-                derivatives=True,
-            )
-        if flight.status is not FlowStatus.RETURNED:
-            continue
+            try:
+                flight = enclose_poincare_map(
+                    model_for_disk(parameters, ball(OMEGA)),
+                    LIBRATING_SECTION,
+                    box,
+                    proposer,
+                    derivatives=True,
+                )
+            except FlightStopped:
+                continue
         shown += 1
         assert flight.reversals == truth.reversals
         for mine, true in (
             (flight.time, truth.time),
             (flight.beta_least, truth.beta_least),
             *zip(flight.image, truth.image, strict=True),
-            *zip(flight.image_by_omega, truth.image_by_omega, strict=True),
             *zip(
                 (*flight.image_by_start[0], *flight.image_by_start[1]),
                 (*truth.image_by_start[0], *truth.image_by_start[1]),
@@ -151,7 +151,6 @@ def test_the_kernel_believes_its_own_steps_only() -> None:
     )
     for proposer in (shifted, MeddlingSearch()):
         flight = flown(proposer)
-        assert flight.status is FlowStatus.RETURNED
         for mine, its in zip(
             (flight.time, *flight.image), (honest.time, *honest.image), strict=True
         ):

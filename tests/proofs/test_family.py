@@ -132,7 +132,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
         for k in range(2):
             assert (a * image[k]).overlaps(truth.image[k])
             assert matrix[k][1].overlaps(truth.image_by_start[k][1])
-            assert (a * matrix[k][2]).overlaps(truth.image_by_omega[k])
+            assert (a * matrix[k][2]).overlaps(truth.image_by_start[k][2])
             by_q = (truth.image_by_start[k][0] + w * truth.image_by_start[k][1] - image[k]) / (
                 2 * a * a
             )

@@ -13,11 +13,10 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.precision import QUADRUPLE
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import arb, ball, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
-from tippedisk_verify.proofs.kernel.sliding import model_for_disk
 from tippedisk_verify.proofs.kernel.step import StepTrial
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA = Fraction("30.3866")
@@ -135,7 +134,6 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
         path = model().path(start(), FlightStepSearch())
         while path.time < arb(0.1):
             step = path.step()
-            assert step is not None
             for share in (0, 0.3, 0.7, 1):
                 state = step.states_at(ball(share * step.length))
                 assert all(

@@ -18,7 +18,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     Unproved,
     ball,
-    ball_constants,
     positive,
     working_precision,
 )
@@ -32,6 +31,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_isolating_block,
     verify_unstable_cone,
 )
+from tippedisk_verify.proofs.numbers import ball_constants
 from tippedisk_verify.proofs.search.connection_proof import (
     eigenvectors,
     invariant_curve_series,

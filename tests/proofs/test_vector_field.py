@@ -19,7 +19,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
     ball,
-    ball_constants,
     inside,
     working_precision,
 )
@@ -32,7 +31,7 @@ from tippedisk_verify.proofs.kernel.vector_field import (
     sliding_motion,
 )
 from tippedisk_verify.proofs.kernel.vector_field import vector_field as kernel_field
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 LAWS = (
     ("linear", "linear", None),

@@ -48,7 +48,6 @@ from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.proofs.kernel.balls import (
     ball,
-    ball_constants,
     coefficient,
     inside,
     negative,
@@ -56,7 +55,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
     working_precision,
 )
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 __all__ = [
     "Criticality",

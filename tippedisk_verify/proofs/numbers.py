@@ -1,4 +1,4 @@
-"""The kernel's balls as the package's numbers."""
+"""The package's numbers and disks in the kernel's balls, and back."""
 
 from __future__ import annotations
 
@@ -6,10 +6,13 @@ from fractions import Fraction
 from typing import Any
 
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.proofs.kernel.balls import midpoint_and_radius
+from tippedisk_verify.proofs.kernel.balls import ball, midpoint_and_radius
+from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.sliding import model_for_friction
 
-__all__ = ["WIDENING_FACTOR", "ball_to_measured", "widened"]
+__all__ = ["WIDENING_FACTOR", "ball_constants", "ball_to_measured", "model_for_disk", "widened"]
 
 #: The factor on half-widths: a margin for other versions of Arb and other processors
 WIDENING_FACTOR = 1 + Fraction(1, 2**20)
@@ -31,3 +34,17 @@ def widened(number: Measured) -> Measured:
     Other versions of Arb and other processors then confirm it too.
     """
     return Measured(number.value, number.uncertainty * WIDENING_FACTOR)
+
+
+def ball_constants(parameters: Parameters) -> Constants:
+    """Return a disk's constants as balls that hold the exact values, at the working precision."""
+    exact = parameters.rational_constants()
+    return type(exact)(*map(ball, exact))
+
+
+def model_for_disk(parameters: Any, omega: Any) -> Model:
+    """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
+
+    All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
+    """
+    return model_for_friction(parameters.friction, ball_constants(parameters), omega)

@@ -1,5 +1,5 @@
 """Arrays of balls in double precision: `BallArray`, a second arithmetic for proofs whose boxes are
-independent.
+independent, and `BallArraySeries`, power series with such coefficients.
 
 Entry i of a `BallArray` is the ball of all real numbers x with |x - mid[i]| <= rad[i]. Each
 operation returns balls that hold its result for every choice of points in its operands' balls, like
@@ -47,31 +47,32 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tippedisk_verify.proofs.kernel.balls import DisturbedError
-from tippedisk_verify.proofs.kernel.doubles import outward_rounded, sine_and_cosine
+from tippedisk_verify.proofs.kernel.doubles import (
+    SMALLEST_NORMAL,
+    UNIT_ROUNDOFF,
+    Array,
+    outward_rounded,
+    sine_and_cosine,
+)
 
-if TYPE_CHECKING:
-    from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
+__all__ = ["BallArray", "BallArraySeries"]
 
-__all__ = ["BallArray", "unchecked_ball_array", "with_rounding", "without_warnings"]
-
-Array = NDArray[np.float64]
-
-_UNIT_ROUNDOFF = 2.0**-53
-_RADIUS_FACTOR = 1 + 16 * _UNIT_ROUNDOFF
+_RADIUS_FACTOR = 1 + 16 * UNIT_ROUNDOFF
 _UNDERFLOW_ALLOWANCE = 2.0**-1000
-_SMALLEST_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
 _EXACT_INTEGERS = 2**53
+_MAX_TERMS = 2**16  # terms of a convolution: the count of roundings in its proof
+_CAPACITY = 24  # the initial capacity of a series in coefficients
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 _IGNORES_WARNINGS: ContextVar[bool] = ContextVar("_IGNORES_WARNINGS", default=False)
-_PROBE_STEPS = np.array([_UNIT_ROUNDOFF, 3 * _UNIT_ROUNDOFF])
-_PROBE_SUMS = np.array([1.0, 1 + 4 * _UNIT_ROUNDOFF])  # 1 + step, rounded to nearest
+_PROBE_STEPS = np.array([UNIT_ROUNDOFF, 3 * UNIT_ROUNDOFF])
+_PROBE_SUMS = np.array([1.0, 1 + 4 * UNIT_ROUNDOFF])  # 1 + step, rounded to nearest
 
 
 def _require_rounding_to_nearest() -> None:
@@ -103,7 +104,7 @@ def ignoring_numpy_warnings() -> Iterator[None]:
             _IGNORES_WARNINGS.reset(before)
 
 
-def without_warnings(function: _F) -> _F:
+def _without_warnings(function: _F) -> _F:
     """Decorate an operation on arrays of balls so that it runs within `ignoring_numpy_warnings`."""
 
     @wraps(function)
@@ -128,7 +129,7 @@ class BallArray:
     ignoring_numpy_warnings = staticmethod(ignoring_numpy_warnings)
     __array_ufunc__ = None  # numpy's numbers on the left leave the operation to this class
 
-    @without_warnings
+    @_without_warnings
     def __init__(self, mid: ArrayLike, rad: ArrayLike = 0.0) -> None:
         midpoints, radii = np.broadcast_arrays(np.atleast_1d(_doubles(mid)), _doubles(rad))
         if midpoints.ndim != 1:
@@ -140,8 +141,8 @@ class BallArray:
         m[small] = 0.0
         # |mid| + rad <= 2^-1022 + rad; a radius above it is increased by far more than its
         # rounding.
-        r[(r_bits > 0) & (r_bits < 2**52)] = _SMALLEST_NORMAL
-        r[small] = (r[small] + 4 * _SMALLEST_NORMAL) * _RADIUS_FACTOR
+        r[(r_bits > 0) & (r_bits < 2**52)] = SMALLEST_NORMAL
+        r[small] = (r[small] + 4 * SMALLEST_NORMAL) * _RADIUS_FACTOR
         r[~(np.isfinite(m) & (r >= 0))] = np.inf
         self._mid, self._rad = m, r
 
@@ -182,7 +183,7 @@ class BallArray:
 
     def __getitem__(self, places: Any) -> BallArray:
         """Return some of the array's balls: those of a slice, a mask or a list of indices."""
-        return unchecked_ball_array(self._mid[places], self._rad[places])
+        return _unchecked_ball_array(self._mid[places], self._rad[places])
 
     def series(self, old: object = None) -> BallArraySeries:
         """Return an empty power series, whose coefficients will be arrays of as many balls as this
@@ -190,21 +191,18 @@ class BallArray:
 
         The memory of ``old``, a series no longer needed, is reused if its width fits.
         """
-        # Imported here, because that module imports this one
-        from tippedisk_verify.proofs.kernel.ball_array_series import BallArraySeries
-
         if isinstance(old, BallArraySeries) and old.width == len(self):
             old.clear()
             return old
         return BallArraySeries(len(self))
 
     # The triangle inequality and (1) for the midpoint: |x + y - c| <= ra + rb + u |c| + t.
-    @without_warnings
+    @_without_warnings
     def __add__(self, other: Any) -> BallArray:
         if isinstance(other, int) and other == 0:
             return self
         b = _operand(other)
-        return with_rounding(self._mid + b._mid, self._rad + b._rad)
+        return _with_rounding(self._mid + b._mid, self._rad + b._rad)
 
     __radd__ = __add__
 
@@ -215,27 +213,27 @@ class BallArray:
         return (-self).__add__(other)
 
     def __neg__(self) -> BallArray:
-        return unchecked_ball_array(-self._mid, self._rad)
+        return _unchecked_ball_array(-self._mid, self._rad)
 
     # (a + s)(b + t) - a b = a t + s (b + t). With |s| <= ra and |t| <= rb this is at most
     # |a| rb + ra (|b| + rb).
-    @without_warnings
+    @_without_warnings
     def __mul__(self, other: Any) -> BallArray:
         factor = _exact_float(other)
         if factor in (1.0, -1.0):
             return self if factor > 0 else -self
         if factor is not None:
-            return with_rounding(self._mid * factor, self._rad * abs(factor))
+            return _with_rounding(self._mid * factor, self._rad * abs(factor))
         b = _operand(other)
         radius = np.abs(self._mid) * b._rad
         upper = np.abs(b._mid)
         upper += b._rad
         radius += self._rad * upper
-        return with_rounding(self._mid * b._mid, radius)
+        return _with_rounding(self._mid * b._mid, radius)
 
     __rmul__ = __mul__
 
-    @without_warnings
+    @_without_warnings
     def square(self) -> BallArray:
         """Return the squares of the balls.
 
@@ -246,9 +244,9 @@ class BallArray:
         radius += radius
         radius += self._rad
         radius *= self._rad
-        return with_rounding(self._mid * self._mid, radius)
+        return _with_rounding(self._mid * self._mid, radius)
 
-    @without_warnings
+    @_without_warnings
     def __truediv__(self, other: Any) -> BallArray:
         """Return balls that hold the quotients by ``other``; they are infinite where the divisor's
         ball holds 0.
@@ -262,7 +260,7 @@ class BallArray:
         of rb / d is multiplied by |q|. Hence `_UNDERFLOW_ALLOWANCE` in both.
         """
         if factor := _exact_float(other):
-            return with_rounding(self._mid / factor, self._rad / abs(factor))
+            return _with_rounding(self._mid / factor, self._rad / abs(factor))
         b = _operand(other)
         distance = np.abs(b._mid)
         distance -= b._rad
@@ -272,7 +270,7 @@ class BallArray:
         radius += _UNDERFLOW_ALLOWANCE
         radius *= b._rad / distance + _UNDERFLOW_ALLOWANCE
         radius += self._rad / distance
-        return with_rounding(quotient, radius)
+        return _with_rounding(quotient, radius)
 
     def __rtruediv__(self, other: Any) -> BallArray:
         return _operand(other) / self
@@ -285,7 +283,7 @@ class BallArray:
         """Return balls that hold the cosine of these balls; infinite for midpoints beyond 2^18."""
         return self._shifted_sine(1)
 
-    @without_warnings
+    @_without_warnings
     def _shifted_sine(self, quarters: int) -> BallArray:
         """Return sin(x + quarters pi/2) for these balls x; with 1 quarter that is the cosine.
 
@@ -308,7 +306,7 @@ class BallArray:
         error = np.where(odd, cosine_error, sine_error)
         r = self._rad
         radius = np.minimum(r, slope * r + 0.5 * r * r) + error
-        return with_rounding(np.where(j >= 2, -value, value), radius)
+        return _with_rounding(np.where(j >= 2, -value, value), radius)
 
     def __pow__(self, power: int) -> BallArray:
         """Return the balls raised to a positive integer power, by repeated squaring."""
@@ -317,7 +315,7 @@ class BallArray:
             return self
         return half.square() * self if power % 2 else half.square()
 
-    @without_warnings
+    @_without_warnings
     def abs_upper(self) -> BallArray:
         """Return upper bounds of the absolute values of the balls, as balls of radius zero
         (infinite where the ball is).
@@ -342,7 +340,7 @@ class BallArray:
 
     converted_like = constant
 
-    @without_warnings
+    @_without_warnings
     def union(self, other: Any) -> BallArray:
         """Return balls that hold both operands.
 
@@ -351,7 +349,7 @@ class BallArray:
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
         reach = np.abs(self._mid - middle) + self._rad
-        return with_rounding(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
+        return _with_rounding(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
         """Return a mask that is True for balls whose numbers are all positive.
@@ -364,7 +362,7 @@ class BallArray:
         """Return a mask that is True for balls whose numbers are all negative."""
         return (-self._mid > self._rad) & self.is_finite()
 
-    @without_warnings
+    @_without_warnings
     def inside(self, other: Any) -> NDArray[np.bool_]:
         """Return a mask that is True for balls in the interior of the other array's ball.
 
@@ -393,7 +391,7 @@ def _doubles(values: Any) -> Array:
     return np.asarray(values, dtype=np.float64)
 
 
-def unchecked_ball_array(mid: Array, rad: Array) -> BallArray:
+def _unchecked_ball_array(mid: Array, rad: Array) -> BallArray:
     """Return a `BallArray` that shares the given arrays, without checking or copying them.
 
     The arrays must already obey the module's rules for midpoints and radii.
@@ -403,7 +401,7 @@ def unchecked_ball_array(mid: Array, rad: Array) -> BallArray:
     return ball
 
 
-def with_rounding(middle: Array, radius: Array, up: float = _RADIUS_FACTOR) -> BallArray:
+def _with_rounding(middle: Array, radius: Array, up: float = _RADIUS_FACTOR) -> BallArray:
     """Return an array of balls for the rounded result of an operation.
 
     The rounding error of the midpoint ``middle`` is added to ``radius``, a new array computed from
@@ -412,11 +410,11 @@ def with_rounding(middle: Array, radius: Array, up: float = _RADIUS_FACTOR) -> B
     infinity.
     """
     rounding = np.abs(middle)
-    rounding *= _UNIT_ROUNDOFF
+    rounding *= UNIT_ROUNDOFF
     radius += rounding
     radius *= up
     radius += _UNDERFLOW_ALLOWANCE
-    return unchecked_ball_array(middle, np.fmin(radius, np.inf, out=radius))
+    return _unchecked_ball_array(middle, np.fmin(radius, np.inf, out=radius))
 
 
 def _exact_float(value: Any) -> float | None:
@@ -428,10 +426,103 @@ def _exact_float(value: Any) -> float | None:
         return float(value)
     return (
         float(value)
-        if isinstance(value, float) and _SMALLEST_NORMAL <= abs(value) < np.inf
+        if isinstance(value, float) and SMALLEST_NORMAL <= abs(value) < np.inf
         else None
     )
 
 
 def _operand(value: Any) -> BallArray:
     return value if isinstance(value, BallArray) else BallArray.of([value])
+
+
+class BallArraySeries(Sequence[BallArray]):
+    """The coefficients of a power series, arrays of n balls, stored for a fast `convolution`.
+
+    Coefficient k has five rows: the midpoints m, |m|, s = r + (k + 1/2) u |m|, |m| + r and the
+    radii r. The two sums are rounded.
+    """
+
+    __slots__ = ("_length", "_rows")
+
+    def __init__(self, width: int) -> None:
+        self._rows: Array = np.empty((5, _CAPACITY, width))
+        self._length = 0
+
+    @property
+    def width(self) -> int:
+        """The number of balls in each coefficient of the series."""
+        return int(self._rows.shape[2])
+
+    @_without_warnings
+    def append(self, ball: BallArray) -> None:
+        """Append a copy of an array of balls as the next coefficient of the series."""
+        if self._length == self._rows.shape[1]:
+            self._rows = np.concatenate([self._rows, np.empty_like(self._rows)], axis=1)
+        mid, size, spread, upper, rad = self._rows[:, self._length]
+        mid[:], rad[:] = ball.midpoints, ball.radii
+        np.abs(mid, out=size)
+        np.multiply(size, (self._length + 0.5) * UNIT_ROUNDOFF, out=spread)
+        # The product may underflow, and its loss is later multiplied by the other factor
+        spread += SMALLEST_NORMAL * (size > 0)
+        spread += rad
+        np.add(size, rad, out=upper)
+        self._length += 1
+
+    def clear(self) -> None:
+        """Remove all coefficients of the series, and keep their memory."""
+        self._length = 0
+
+    def __len__(self) -> int:
+        return self._length
+
+    def __getitem__(self, index: Any) -> Any:
+        """Return one coefficient of the series, or a part of the series.
+
+        Both are views that are valid until the next `clear`. In a part of a series each s is large
+        enough: its new place is no later than its old one, and s grows with the place.
+        """
+        rows = self._rows[:, : self._length]
+        if isinstance(index, slice):
+            if index.step is not None and index.step < 0:
+                raise ValueError("a part of a series keeps its order")
+            part = BallArraySeries.__new__(BallArraySeries)
+            part._rows = rows[:, index]
+            part._length = part._rows.shape[1]
+            return part
+        return _unchecked_ball_array(rows[0, index], rows[4, index])
+
+    @_without_warnings
+    def convolution(self, other: BallArraySeries) -> BallArray | int:
+        """Return a_0 b_(k-1) + … + a_(k-1) b_0 for series a, b of the same length k (0 for k = 0).
+
+        Each term and the result are arrays of balls. The rest of this text proves the radius.
+
+        *Midpoint.* It is a sum of k products. Their order is left to numpy, with fused operations
+        or without, and a factor common to all terms may be taken out. The last operation's rounding
+        is within u |c| + t. Before it each product has met at most k - 1 roundings, as additions to
+        an accumulator that is zero are exact. With W the sum of |a_i| |b_j| and k <= 2^16 they
+        change the sum by at most
+
+            ((1 + u)^(k-1) - 1) W <= k u W.
+
+        *Radius.* It is the sum of |a_i| rb_j + ra_i (|b_j| + rb_j) as in the product, and k u W. As
+        k = i + j + 1, the sum of |a_i| s_j + s_i (|b_j| + rb_j) is at least both. Any term of it
+        meets at most 2 k + 15 roundings: two in s, one in |b| + rb, one as a product, 2 k - 1 as
+        one of 2 k terms, and the few behind. As in the module's docstring, 1 + (4 k + 32) u
+        outweighs them, for
+
+            (1 - m u) (1 + 2 (m + 1) u) > 1   with   m = 2 k + 15 and k <= 2^16.
+        """
+        k = self._length
+        if other._length != k:
+            raise ValueError(
+                f"a convolution needs series of one length, not {k} and {other._length}"
+            )
+        if k == 0:
+            return 0
+        if k > _MAX_TERMS:
+            raise ValueError(f"a convolution of more than {_MAX_TERMS} terms is not offered")
+        a, b = self._rows[:, :k], other._rows[:, :k][:, ::-1]
+        middle = np.einsum("kn,kn->n", a[0], b[0])
+        radius = np.einsum("pkn,pkn->n", a[1:3], b[2:4])
+        return _with_rounding(middle, radius, 1 + (4 * k + 32) * UNIT_ROUNDOFF)

@@ -35,7 +35,6 @@ __all__ = [
     "arb",
     "around_zero",
     "ball",
-    "ball_constants",
     "coefficient",
     "converted_like",
     "inside",
@@ -161,12 +160,6 @@ def ball(value: Any) -> Any:
 
 def _rational(value: Fraction) -> Any:
     return arb(fmpq(value.numerator, value.denominator))
-
-
-def ball_constants(parameters: Any) -> Any:
-    """Return a disk's constants as balls that hold the exact values, at the working precision."""
-    exact = parameters.rational_constants()
-    return type(exact)(*map(ball, exact))
 
 
 def positive(x: Any) -> Any:

@@ -19,12 +19,12 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.balls import arb, midpoint_and_radius
 
-__all__ = ["outward_rounded", "sine_and_cosine"]
+__all__ = ["SMALLEST_NORMAL", "UNIT_ROUNDOFF", "Array", "outward_rounded", "sine_and_cosine"]
 
 Array = NDArray[np.float64]
 
-_UNIT_ROUNDOFF = 2.0**-53
-_SMALLEST_NORMAL = 2.0**-1022  # the smallest number that is not subnormal
+UNIT_ROUNDOFF = 2.0**-53  #: u
+SMALLEST_NORMAL = 2.0**-1022  #: the smallest number that is not subnormal
 # pi/2 = A + B + C + rest: A and B are multiples of 2^-32 and 2^-65 with at most 33 bits, B < 2^-33,
 # C < 2^-67 and |rest| < 2^-119. So n A and n B are exact for |n| < 2^19.
 _HALF_PI_A = float.fromhex("0x1.921fb544p+0")
@@ -70,7 +70,7 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
     n = np.rint(x * (2 / 3.141592653589793))
     y = ((x - n * _HALF_PI_A) - n * _HALF_PI_B) - n * _HALF_PI_C
     y[~(np.abs(y) <= _MAX_REDUCED_ANGLE)] = np.nan
-    reduction_error = np.where(n == 0, 0.0, 2.5 * _UNIT_ROUNDOFF)
+    reduction_error = np.where(n == 0, 0.0, 2.5 * UNIT_ROUNDOFF)
     z = y * y
     p = np.full_like(z, _SINE_COEFFICIENTS[0])
     for c in _SINE_COEFFICIENTS[1:]:
@@ -84,9 +84,9 @@ def sine_and_cosine(x: Array) -> tuple[Array, Array, Array, Array, Array]:
     return (
         n,
         sine,
-        np.abs(y) * (2 * _UNIT_ROUNDOFF) + reduction_error,
+        np.abs(y) * (2 * UNIT_ROUNDOFF) + reduction_error,
         1 + z * p,
-        reduction_error + 2.5 * _UNIT_ROUNDOFF,
+        reduction_error + 2.5 * UNIT_ROUNDOFF,
     )
 
 
@@ -103,11 +103,11 @@ def outward_rounded(value: Any) -> tuple[float, float]:
         small = arb(2) ** -1022
         centre = Fraction(0) if abs(value.mid()) < small else midpoint_and_radius(value.mid())[0]
         rad = (
-            Fraction(_SMALLEST_NORMAL)
+            Fraction(SMALLEST_NORMAL)
             if value.rad() < small and not value.is_exact()
             else midpoint_and_radius(value.rad())[0]
         )
-        spread = rad if centre or value.mid() == 0 else rad + Fraction(_SMALLEST_NORMAL)
+        spread = rad if centre or value.mid() == 0 else rad + Fraction(SMALLEST_NORMAL)
     elif isinstance(value, float):
         return value, 0.0
     else:
@@ -120,7 +120,7 @@ def outward_rounded(value: Any) -> tuple[float, float]:
 
 
 def _rounded_up(value: Fraction) -> float:
-    if 0 < value < _SMALLEST_NORMAL:
-        return _SMALLEST_NORMAL
+    if 0 < value < SMALLEST_NORMAL:
+        return SMALLEST_NORMAL
     nearest = float(value)
     return nearest if Fraction(nearest) >= value else float(np.nextafter(nearest, np.inf))

@@ -302,7 +302,6 @@ def enclose_half_map(constants: FieldConstants, curve: Curve, proposer: Any) -> 
     try:
         while True:
             step = path.step()
-            assert step is not None
             beta_bar, _, v = step.enclosure
             require(inside(beta_bar, arb(0, BELOW_HALF_PI)), "beta is not shown to stay upright")
             passed = positive(step.states_at_end()[0].range())

@@ -212,9 +212,8 @@ class JetSeries(Sequence[Jet]):
     def __init__(self, jets: list[Jet], polynomials: list[Any]) -> None:
         self.jets, self._polynomials = jets, polynomials
 
-    def append(self, jet: Jet | None) -> None:
+    def append(self, jet: Jet) -> None:
         """Append a jet as the next coefficient of the series."""
-        assert jet is not None
         self.jets.append(jet)
         self._polynomials.append(_arb_polynomial(jet))
 

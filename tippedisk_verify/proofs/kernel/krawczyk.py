@@ -31,7 +31,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Path, StepProposer
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path, StepProposer
 from tippedisk_verify.proofs.kernel.sliding import model_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
@@ -58,6 +58,7 @@ class KrawczykResult:
     included: bool
     middle: Sequence[Any]  #: m, three points
     shift: Sequence[Any]  #: from the middle to the fixed points, three balls
+    preconditioner: Sequence[Sequence[Any]]  #: Y
     residual: Sequence[Any]  #: Y F(m), for choosing the precision
     jacobian: Sequence[Sequence[Any]]  #: (2, 3): the derivatives of F over the box
     centre: PoincareImage  #: the map at the middle
@@ -78,7 +79,7 @@ class KrawczykResult:
 
 
 def krawczyk_test(
-    claim: Mapping[str, Any],
+    setting: Mapping[str, Any],
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
@@ -86,11 +87,11 @@ def krawczyk_test(
     proposers: tuple[StepProposer, StepProposer],
     inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
     centre: PoincareImage | None = None,
-) -> KrawczykResult | PoincareImage:
+) -> KrawczykResult:
     """Test by Krawczyk's operator if a section's Poincare map has exactly one fixed point in a box.
 
     Args:
-        claim: Contains the disk and the friction law (``parameters``, ``friction``).
+        setting: Contains the disk and the friction law (``parameters``, ``friction``).
         section: The section of the map.
         middle: The centre of the box, three exact numbers: both coordinates on the section, and
             Omega.
@@ -101,15 +102,16 @@ def krawczyk_test(
         centre: The map at the middle, if it has already been computed.
 
     Returns:
-        The test's result, or a `PoincareImage` of the first flight that did not return.
+        The test's result.
+
+    Raises:
+        FlightStopped: If one of the two flights is not shown to return.
     """
-    numbers, friction = field_constants(claim["parameters"]), claim["friction"]
+    numbers, friction = field_constants(setting["parameters"]), setting["friction"]
     if centre is None:
         centre = enclose_poincare_map(
             model_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
         )
-    if centre.status is not FlowStatus.RETURNED:
-        return centre
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
     box = enclose_poincare_map(
         model_for_friction(friction, numbers, whole[2]),
@@ -118,24 +120,14 @@ def krawczyk_test(
         proposers[1],
         derivatives=True,
     )
-    if box.status is not FlowStatus.RETURNED:
-        return box
-    jacobian = _jacobian(box)
-    return apply_krawczyk_operator(
-        middle,
-        deviations,
-        unknown_indices,
-        inverse([[row[k] for k in unknown_indices] for row in jacobian]),
-        centre,
-        box,
-    )
+    return apply_krawczyk_operator(middle, deviations, unknown_indices, inverse, centre, box)
 
 
 def apply_krawczyk_operator(
     middle: Sequence[Any],
     deviations: Sequence[Any],
     unknown_indices: tuple[int, int],
-    inverse: Sequence[Sequence[Any]],
+    inverse: Callable[[Sequence[Sequence[Any]]], Sequence[Sequence[Any]]],
     centre: PoincareImage,
     box: PoincareImage,
 ) -> KrawczykResult:
@@ -146,37 +138,35 @@ def apply_krawczyk_operator(
         middle: Three points: the two coordinates on the section, and Omega.
         deviations: Three balls about zero; the box is ``middle`` plus these.
         unknown_indices: The indices of the two unknown numbers.
-        inverse: The matrix Y, any regular one; best near the inverse of F'.
+        inverse: Returns the matrix Y, given F_u over the box: any regular one, best near the
+            inverse of F_u.
         centre: The map at the middle.
         box: The map over the box, with derivatives.
     """
     value = [after - before for after, before in zip(centre.image, middle, strict=False)]
-    jacobian = _jacobian(box)
+    (a, b, e), (c, d, f) = box.image_by_start
+    jacobian = (a - 1, b, e), (c, d - 1, f)
+    preconditioner = inverse([[row[k] for k in unknown_indices] for row in jacobian])
     (other,) = {0, 1, 2}.difference(unknown_indices)
     width = [deviations[k] for k in unknown_indices]
     rest = [
         [
-            int(i == j) - sum(inverse[i][k] * jacobian[k][column] for k in range(2))
+            int(i == j) - sum(preconditioner[i][k] * jacobian[k][column] for k in range(2))
             for j, column in enumerate(unknown_indices)
         ]
         for i in range(2)
     ]
-    residual = matrix_times_vector(inverse, value)
+    residual = matrix_times_vector(preconditioner, value)
     # p's part is one ball that both equations share. Its factors are summed first, because their
     # sum may nearly vanish.
-    moved = matrix_times_vector(inverse, [row[other] for row in jacobian])
+    moved = matrix_times_vector(preconditioner, [row[other] for row in jacobian])
     shift = list(deviations)
     for k, spread, part, factor in zip(
         unknown_indices, matrix_times_vector(rest, width), residual, moved, strict=True
     ):
         shift[k] = spread - part - factor * deviations[other]
     included = all(inside(shift[k], deviations[k]) for k in unknown_indices)
-    return KrawczykResult(included, middle, shift, residual, jacobian, centre, box)
-
-
-def _jacobian(box: PoincareImage) -> tuple[Sequence[Any], Sequence[Any]]:
-    (a, b), (c, d) = box.image_by_start
-    return (a - 1, b, box.image_by_omega[0]), (c, d - 1, box.image_by_omega[1])
+    return KrawczykResult(included, middle, shift, preconditioner, residual, jacobian, centre, box)
 
 
 def _read_step(value: Any) -> tuple[float, tuple[int, int]]:
@@ -251,7 +241,7 @@ class StepReplay:
 
 
 def replayed_test(
-    claim: Mapping[str, Any],
+    setting: Mapping[str, Any],
     section: PoincareSection,
     middle: Sequence[Any],
     deviations: Sequence[Any],
@@ -269,21 +259,20 @@ def replayed_test(
     used.
     """
     flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
-    outcome = krawczyk_test(
-        claim,
-        section,
-        middle,
-        deviations,
-        unknown_indices,
-        flights,
-        lambda matrix: box["inverse"],
-        centre,
-    )
-    if isinstance(outcome, PoincareImage):
-        raise Unproved(
-            f"{name}: at t = {float(outcome.time_reached):.4g} s: {outcome.status.value}"
+    try:
+        fixed = krawczyk_test(
+            setting,
+            section,
+            middle,
+            deviations,
+            unknown_indices,
+            flights,
+            lambda matrix: box["inverse"],
+            centre,
         )
+    except FlightStopped as fault:
+        raise Unproved(f"{name}: at {fault}") from None
     for flight in flights if centre is None else flights[1:]:
         require(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
-    require(outcome.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
-    return outcome
+    require(fixed.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
+    return fixed

@@ -25,7 +25,7 @@ Both maps
 For every step |beta_bar| < 1.5707 is shown: the disk does not lie flat. In a step in which the
 friction law changes (`sliding.SlidingReversalStep`) v must keep its sign and gamma_bar must stay
 below 2 pi. So neither the turn nor the section lies in it. If no case can be shown, a shorter step
-is tried. If that does not help, the proof ends with a status that names the reason.
+is tried. If that does not help, the proof ends with the reason (`FlightStopped`).
 """
 
 from __future__ import annotations
@@ -36,7 +36,12 @@ from enum import Enum
 from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, StepProposer
+from tippedisk_verify.proofs.kernel.proved_flow import (
+    FlightStopped,
+    FlowStatus,
+    Model,
+    StepProposer,
+)
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time
 
@@ -88,24 +93,20 @@ LIBRATING_SECTION, ROTATING_SECTION = PoincareSection(0, 1, 2), PoincareSection(
 
 @dataclass(frozen=True)
 class PoincareImage:
-    """The result of following all orbits from a box on a section until they return to the section.
+    """The proved properties of all orbits from a box on a section at their return to the section.
 
-    The other members have a meaning only if the status is RETURNED. The coordinates x are
-    (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
+    The coordinates x are (gamma_bar, v) for the half map and (beta_bar, v) for the turn map.
+    Derivatives are taken with respect to (x, Omega), over the box and the speeds in their ball.
     """
 
-    status: FlowStatus
-    time_reached: Any  #: how far the path was followed [s]
-    steps: Any
-    reversals: Any = 0  #: changes of the sliding velocity's sign; counted under the smooth law only
-    time: Any = None  #: flight time [s]
-    image: Any = None  #: x under the map
+    steps: int
+    reversals: int  #: changes of the sliding velocity's sign; counted under the smooth law only
+    time: Any  #: flight time [s]
+    image: Any  #: x under the map
     beta_least: Any = None  #: half map only: the least beta_bar, at the turn [rad]
-    beta_least_by_start: Any = None  #: its derivatives with respect to (x, Omega)
-    image_by_start: Any = None  #: d(image)/d(x), over the box and the speeds in their ball
-    image_by_omega: Any = None
-    time_by_start: Any = None
-    time_by_omega: Any = None
+    beta_least_by_start: Any = None  #: (3,)
+    image_by_start: Any = None  #: (2, 3)
+    time_by_start: Any = None  #: (3,)
     divergence: Any = None  #: integral of div f over the flight
 
 
@@ -130,16 +131,19 @@ def enclose_poincare_map(
         max_duration: The flight's longest duration [s].
 
     Returns:
-        The proved properties, or the status that names why there is no proof.
+        The proved properties.
+
+    Raises:
+        FlightStopped: If the orbits are not shown to return.
     """
     poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
     path = poincare_map.path
     if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
-        return PoincareImage(FlowStatus.NO_START, path.time, 0)
+        raise FlightStopped(FlowStatus.NO_START, path.time)
     while path.time < max_duration:
-        if (ended := poincare_map.advance()) is not None:
-            return ended
-    return PoincareImage(FlowStatus.NO_RETURN, path.time, path.step_count)
+        if (image := poincare_map.advance()) is not None:
+            return image
+    raise FlightStopped(FlowStatus.NO_RETURN, path.time)
 
 
 class SectionCase(Enum):
@@ -168,21 +172,22 @@ class PoincareMap:
     ) -> None:
         self.section = section
         self.path = model.path(section.state_on(*box), proposer, derivatives=derivatives)
-        self.has_turned = False
-        #: least beta_bar and its derivatives (gamma_bar, v, Omega), once the path has turned
+        #: Least beta_bar and its derivatives (gamma_bar, v, Omega); None until the path has turned
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self) -> PoincareImage | None:
         """Take one proved step of the flight, shortened until its case is shown.
 
         Returns None while the flight goes on. At its end, returns the proved properties of the
-        orbits at the section, or the status that names why no step is proved.
+        orbits at the section. Raises FlightStopped if no step is proved.
         """
-        path, status, not_flat, max_length = self.path, FlowStatus.UNRESOLVED, True, None
+        path, not_flat, max_length = self.path, True, None
         for _ in range(_MAX_SHORTENINGS):
-            step = path.step(max_length)
-            if step is None:
-                status = path.status or FlowStatus.NO_ENCLOSURE
+            try:
+                step = path.step(max_length)
+            except FlightStopped:
+                if not_flat:
+                    raise
                 break
             not_flat, case = self._proved_case(step)
             if not_flat and case is SectionCase.CROSSES:
@@ -196,7 +201,7 @@ class PoincareMap:
                 path.take_step(step)
                 return None
             max_length = 0.7 * step.length
-        return PoincareImage(status if not_flat else FlowStatus.FLAT, path.time, path.step_count)
+        raise FlightStopped(FlowStatus.UNRESOLVED if not_flat else FlowStatus.FLAT, path.time)
 
     def _proved_case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown
@@ -215,7 +220,7 @@ class PoincareMap:
             crosses = positive(ahead) and positive(rates[1]) and has_one_law
             return not_flat, SectionCase.CROSSES if crosses else None
         start, v_grows = self.path.box[2], positive(rates[2]) and has_one_law
-        if not self.has_turned:
+        if self.turn[0] is None:
             if negative(v) or (v_grows and negative(v_end)):
                 return not_flat, SectionCase.ON_THE_WAY
             turns = v_grows and negative(start) and positive(v_end) and negative(beta_end)
@@ -246,7 +251,6 @@ class PoincareMap:
             step.component(0, moment),
             step.path_derivatives_at(moment)[0][1:] if self.path.carries_derivatives else None,
         )
-        self.has_turned = True
         return True
 
     def _section_crossing_time(self, step: Step) -> Any:
@@ -295,19 +299,15 @@ class PoincareMap:
                 for row in (first, 2)
             ]
             derivatives = {
-                "image_by_start": tuple(tuple(row[:2]) for row in rows),
-                "image_by_omega": tuple(row[2] for row in rows),
-                "time_by_start": tuple(times[:2]),
-                "time_by_omega": times[2],
+                "image_by_start": rows,
+                "time_by_start": times,
                 "divergence": path.divergence,
             }
         return PoincareImage(
-            FlowStatus.RETURNED,
-            path.time,
             path.step_count,
             path.reversals,
-            time=path.time,
-            image=tuple(sign * path.box[row] for row in (first, 2)),
+            path.time,
+            tuple(sign * path.box[row] for row in (first, 2)),
             beta_least=self.turn[0],
             beta_least_by_start=self.turn[1],
             **derivatives,

@@ -12,13 +12,13 @@ nothing else is required of a proposer.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from enum import Enum
 from typing import Any, Protocol
 
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
+    Unproved,
     ball,
     converted_like,
     magnitude_estimate,
@@ -36,20 +36,24 @@ from tippedisk_verify.proofs.kernel.taylor_recurrences import (
 )
 from tippedisk_verify.proofs.kernel.vector_field import VectorFieldMaker, vector_field
 
-__all__ = ["FlowStatus", "Model", "Path", "StepProposer", "rounded_down_to_20_bits"]
+__all__ = [
+    "FlightStopped",
+    "FlowStatus",
+    "Model",
+    "Path",
+    "StepProposer",
+]
 
 _MAX_RADIUS_BITS = 3  # -log2 of the radius [rad, rad/s] beyond which a box is too wide to go on
-_MIN_STEP = 2.0**-40  # s
 _MAX_STEPS = 20_000
 
 
 class FlowStatus(Enum):
-    """The ways in which following the flow can end.
+    """The reasons why the flow cannot be followed further.
 
     Each value is a message with what to try next.
     """
 
-    RETURNED = "the first return to the section is enclosed"
     NO_START = "v < 0 at the start is not proved: start on the other side of the section, or in a narrower box"
     NO_ENCLOSURE = "no step could be enclosed: work in more bits, or start from a narrower box"
     TOO_WIDE = "the enclosure has grown too wide: work in more bits, or start from a narrower box"
@@ -62,6 +66,17 @@ class FlowStatus(Enum):
         "bits, from a narrower box, or at another speed"
     )
     STEP_LIMIT = "the step limit was reached: shorten the run"
+
+
+class FlightStopped(Unproved):
+    """Raised if a flight cannot be followed further.
+
+    The message has the time [s] that was reached, and the reason in words.
+    """
+
+    def __init__(self, status: FlowStatus, time_reached: Any) -> None:
+        super().__init__(f"t = {float(time_reached):.4g} s: {status.value}")
+        self.status, self.time_reached = status, time_reached
 
 
 class StepProposer(Protocol):
@@ -106,8 +121,7 @@ class Model:
     flights.
 
     Args:
-        constants: As from `vector_field.field_constants` or `balls.ball_constants`, or arrays of
-            balls.
+        constants: Those of `vector_field.FieldConstants`, as balls or arrays of balls.
         omega: [rad/s], a ball of any radius, a `Jet` of balls, or an array of balls.
         make_vector_field: The equations, if they are not those of the linear law.
         extra_parameters: Further numbers that ``make_vector_field`` takes after the speed.
@@ -209,7 +223,6 @@ class Path:
         self.step_count = 0  #: taken
         self.reversals = 0  #: of the sliding velocity's sign; counted under the smooth law only
         self.latest_tested_step: Step | None = None  #: by its latest trial
-        self.status: FlowStatus | None = None  #: why it stopped, if it did
 
     @property
     def derivatives(self) -> tuple[tuple[Any, ...], ...]:
@@ -218,17 +231,16 @@ class Path:
         """
         return self.state_set.derivative_matrix()
 
-    def step(self, max_length: Any = None) -> Step | None:
+    def step(self, max_length: Any = None) -> Step:
         """Ask the proposer for the next step of the path, of at most ``max_length`` seconds, and
         return it without taking it.
 
-        If no step is proved, sets ``status`` and returns None.
+        Raises FlightStopped if no step is proved.
         """
-        self.status = self._stopping_status()
-        step = None if self.status else self.proposer.next_step(self, max_length)
+        status = self._stopping_status()
+        step = None if status else self.proposer.next_step(self, max_length)
         if step is None:
-            self.status = self.status or FlowStatus.NO_ENCLOSURE
-            return None
+            raise FlightStopped(status or FlowStatus.NO_ENCLOSURE, self.time)
         own = self.latest_tested_step
         if own is None or own.state_set is not self.state_set or own.length is not step.length:
             raise ValueError("the proposed step is not the latest trial of this path")
@@ -278,9 +290,3 @@ class Path:
             self.time + moment,
             self.step_count + 1,
         )
-
-
-def rounded_down_to_20_bits(length: float) -> float:
-    """Round a step length down to 20 bits, so that sums of lengths are exact."""
-    mantissa, exponent = math.frexp(length)
-    return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)

@@ -53,14 +53,19 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     arb,
-    ball_constants,
     converted_like,
     magnitude_estimate,
     negative,
     positive,
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model, Path, StepProposer
+from tippedisk_verify.proofs.kernel.proved_flow import (
+    FlightStopped,
+    FlowStatus,
+    Model,
+    Path,
+    StepProposer,
+)
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time, evaluate_polynomial
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
 from tippedisk_verify.proofs.kernel.vector_field import (
@@ -73,7 +78,6 @@ __all__ = [
     "SlidingPath",
     "SlidingReversalStep",
     "SmoothModel",
-    "model_for_disk",
     "model_for_friction",
 ]
 
@@ -93,14 +97,6 @@ def model_for_friction(friction: str, constants: Any, omega: Any) -> Model:
     ``friction`` is 'linear' or 'smooth'.
     """
     return (SmoothModel if FRICTION_LAWS[friction].two_sided else Model)(constants, omega)
-
-
-def model_for_disk(parameters: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
-
-    All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
-    """
-    return model_for_friction(parameters.friction, ball_constants(parameters), omega)
 
 
 class SmoothModel(Model):
@@ -231,19 +227,16 @@ class SlidingPath(Path):
         self.side = 1 * positive(velocity) - 1 * negative(velocity)
         self.model = model.for_side(self.side)
 
-    def step(self, max_length: float | None = None) -> Step | None:
+    def step(self, max_length: float | None = None) -> Step:
         for _ in range(_MAX_SHORTENINGS):
             step = super().step(max_length)
-            if step is None:
-                return None
             followed = self._step_of_proved_sign(step)
             if followed is not None and (max_length is None or followed.length <= max_length):
                 return followed
             max_length = (followed or step).length / 2
             if max_length < _MIN_STEP or not self.side:
                 break
-        self.status = FlowStatus.GRAZING
-        return None
+        raise FlightStopped(FlowStatus.GRAZING, self.time)
 
     def take_step(self, step: Step, time: Any = None) -> None:
         super().take_step(step, time)
@@ -342,8 +335,11 @@ class SlidingPath(Path):
             derivatives=self.carries_derivatives,
         )
         onwards.midpoint_start = step.midpoint_orbit_at(midpoint_reversal_time)
-        second = onwards.step(magnitude_estimate(left * _LENGTH_MARGIN))
-        if second is None or not (positive(left) and positive(second.length - left)):
+        try:
+            second = onwards.step(magnitude_estimate(left * _LENGTH_MARGIN))
+        except FlightStopped:
+            return None
+        if not (positive(left) and positive(second.length - left)):
             return None
         if not negative(
             _times_sign(other.sliding_velocity_and_rate(second.enclosure)[1], self.side)

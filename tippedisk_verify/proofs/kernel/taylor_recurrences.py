@@ -26,7 +26,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from fractions import Fraction
-from operator import mul
+from operator import add, mul, sub
 from typing import Any
 
 from tippedisk_verify.proofs.kernel.jets import scaled_sine
@@ -61,7 +61,7 @@ class Node:
     def __init__(self, graph: Graph, kind: str, left: Any = None, right: Any = None) -> None:
         self.graph, self.kind, self.left, self.right = graph, kind, left, right
         # The sine of an angle, the cosine of a sine, the sine of a cosine
-        self.partner: Node | None = None
+        self.partner: Any = None
         self.coefficients: list[Any] = []
         parts: list[Node] = [part for part in (left, right) if isinstance(part, Node)]
         self.constant: bool = bool(parts) and all(part.constant for part in parts)
@@ -113,19 +113,17 @@ class Graph:
         node = Node(self, kind, left, self.number(right))
         if node.constant:
             node.coefficients = [
-                _fold_constants(kind, left.coefficients[0], node.right.coefficients[0])
+                _ON_CONSTANTS[kind](left.coefficients[0], node.right.coefficients[0])
             ]
         return node
 
-    def sin(self, angle: Node) -> Node:
+    def sin(self, angle: Node) -> Any:
         return self.scaled_sine(angle, None)
 
-    def cos(self, angle: Node) -> Node:
-        cosine = self.sin(angle).partner
-        assert cosine is not None
-        return cosine
+    def cos(self, angle: Node) -> Any:
+        return self.sin(angle).partner
 
-    def scaled_sine(self, angle: Node, square: Node | None) -> Node:
+    def scaled_sine(self, angle: Node, square: Node | None) -> Any:
         """Add sin(a x) / a and cos(a x) of an ``angle`` x to the graph, and return the node of the
         first.
 
@@ -241,30 +239,27 @@ class System:
         """Return Taylor coefficients 0 … ``order`` at time 0 of each variable of the initial value
         problem, from enclosed starts.
         """
-        with getattr(start[0], "ignoring_numpy_warnings", nullcontext)():
-            return self._coefficients(start, order)
-
-    def _coefficients(self, start: Sequence[Any], order: int) -> list[list[Any]]:
         empty = getattr(start[0], "series", _new_series)
-        for node in self._nodes_with_history:
-            node.coefficients = empty(node.coefficients)
-        for variable in self.variables:  # new lists: the caller keeps them
-            variable.coefficients = empty()
-        for node in self._nodes_without_history:
-            node.coefficients = []
-        for variable, value in zip(self.variables, start, strict=True):
-            variable.coefficients.append(value)
-        zero = 0 * start[0]
-        for k in range(order):
-            for recurrence in self._recurrences:
-                recurrence(k)
-            for variable, rate in zip(self.variables, self.rates, strict=True):
-                if rate.constant:
-                    variable.coefficients.append(zero if k else rate.coefficients[0] + zero)
-                else:
-                    variable.coefficients.append(rate.coefficients[k] / (k + 1))
+        with getattr(start[0], "ignoring_numpy_warnings", nullcontext)():
+            for node in self._nodes_with_history:
+                node.coefficients = empty(node.coefficients)
+            for variable in self.variables:  # new lists: the caller keeps them
+                variable.coefficients = empty()
             for node in self._nodes_without_history:
-                node.coefficients[k] = None
+                node.coefficients = []
+            for variable, value in zip(self.variables, start, strict=True):
+                variable.coefficients.append(value)
+            zero = 0 * start[0]
+            for k in range(order):
+                for recurrence in self._recurrences:
+                    recurrence(k)
+                for variable, rate in zip(self.variables, self.rates, strict=True):
+                    if rate.constant:
+                        variable.coefficients.append(zero if k else rate.coefficients[0] + zero)
+                    else:
+                        variable.coefficients.append(rate.coefficients[k] / (k + 1))
+                for node in self._nodes_without_history:
+                    node.coefficients[k] = None
         return [variable.coefficients for variable in self.variables]
 
 
@@ -272,18 +267,13 @@ def _new_series(_: object = None) -> list[Any]:
     return []
 
 
-def _fold_constants(kind: str, a: Any, b: Any) -> Any:
-    """Return the result of an arithmetic operation of the given ``kind`` on two constants.
-
-    A quotient of integers stays exact, as a Fraction.
-    """
-    if kind == "add":
-        return a + b
-    if kind == "subtract":
-        return a - b
-    if kind == "multiply":
-        return a * b
+def _quotient(a: Any, b: Any) -> Any:
+    """Return a / b; a quotient of integers stays exact, as a Fraction."""
     return Fraction(a, b) if isinstance(a, int) and isinstance(b, int) else a / b
+
+
+#: The operations on two constants, by kind
+_ON_CONSTANTS = {"add": add, "subtract": sub, "multiply": mul, "divide": _quotient}
 
 
 def _ancestors(nodes: Sequence[Node]) -> set[Node]:
@@ -369,7 +359,6 @@ def _sine_recurrence(node: Node) -> Callable[[int], None]:
     """
     x, square, cosine = node.left, node.right, node.partner
     slopes: Any = []
-    assert cosine is not None
 
     def sine(k: int) -> None:
         nonlocal slopes
@@ -407,7 +396,6 @@ def _scaled_sine_slope_recurrence(node: Node) -> Callable[[int], None]:
     """
     product, x, square = node.left, node.partner, node.right
     slopes: Any = []
-    assert x is not None
 
     def slope(k: int) -> None:
         nonlocal slopes

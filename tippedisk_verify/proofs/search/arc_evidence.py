@@ -37,7 +37,7 @@ from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_ord
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, evaluate_polynomial
 from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, field_constants
 from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
-from tippedisk_verify.proofs.search.proof import SearchStopped, parameter_texts
+from tippedisk_verify.proofs.search.proof import SearchStopped, first_success, parameter_texts
 from tippedisk_verify.proofs.search.steps import axes_of_balls
 
 __all__ = [
@@ -317,11 +317,10 @@ def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> P
         test: Called with the radii of a box and a proposer of steps; returns the test's result.
         radii: The radii of the first box.
     """
-    for _ in range(_MAX_ATTEMPTS):
-        proposer, sizes = (
-            CurveStepSearch(),
-            [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii],
-        )
+
+    def attempt(radii: Sequence[Fraction]) -> PassedArcTest:
+        proposer = CurveStepSearch()
+        sizes = [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
         try:
             arc = test(sizes, proposer)
         except Unproved:
@@ -336,8 +335,9 @@ def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> P
         ]
         if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
             return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))
-        radii = [2 * part for part in within]
-    raise SearchStopped(ArcStatus.NOT_INCLUDED)
+        raise SearchStopped(ArcStatus.NOT_INCLUDED, next_choice=[2 * part for part in within])
+
+    return first_success(attempt, radii, _MAX_ATTEMPTS)
 
 
 def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[str, Any]:
@@ -372,24 +372,24 @@ def prove_piece(
             def test(radii: Sequence[Fraction], proposer: Any) -> Arc:
                 return krawczyk_test_of_box(disk, low, arc, radii, proposer)
 
+            def attempt(radii: Sequence[Fraction]) -> PassedArcTest:
+                box = krawczyk_test_with_adapted_boxes(test, radii)
+                if (refusal := first_unproved_sign(box.arc)) is None:
+                    return box
+                # Derivatives over a smaller box may decide signs that are undecided over this one.
+                tighter = [part * 5 / 4 for part in box.within]
+                halved = all(
+                    2 * rounded_up_to_two_digits(new) <= old
+                    for new, old in zip(tighter, box.radii, strict=True)
+                )
+                raise SearchStopped(refusal, next_choice=tighter if halved else None)
+
             radii = [
                 abs(row[1]) * share for row, share in zip((first, second), _BOX_SHARES, strict=True)
             ]
-            for _ in range(_MAX_ATTEMPTS):
-                box = krawczyk_test_with_adapted_boxes(test, radii)
-                if (refusal := first_unproved_sign(box.arc)) is None:
-                    break
-                # Derivatives over a smaller box may decide signs that are undecided over this one.
-                radii = [part * 5 / 4 for part in box.within]
-                if any(
-                    2 * rounded_up_to_two_digits(new) > old
-                    for new, old in zip(radii, box.radii, strict=True)
-                ):
-                    break
+            box = first_success(attempt, radii, _MAX_ATTEMPTS)
         except SearchStopped as fault:
             return cast("ArcStatus", fault.status)
-        if refusal is not None:
-            return refusal
         unique, evidence = box.radii, arc | {"bits": BITS, "box": box.evidence}
         # The box of uniqueness may be wider than the box of the signs.
         distance_to_end = max(Fraction(22, 7) - high, _MIN_RADIUS) if low else Fraction(1)

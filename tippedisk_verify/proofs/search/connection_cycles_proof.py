@@ -28,6 +28,7 @@ from tippedisk_verify.numbers.exact import exact, short_text
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.certificates.connection import EnclosedConnection
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
     CLAIM_SHAPE,
     LID_REFUSAL,
@@ -44,6 +45,7 @@ from tippedisk_verify.proofs.search.proof import (
     Proof,
     SearchStopped,
     certificate_claim,
+    first_success,
 )
 
 __all__ = [
@@ -120,7 +122,6 @@ class ConnectionCyclesProof(Proof):
         the connection is proved.
         """
         assert self.connection.omega_h is not None
-        assert self.connection.parameters is not None
         numbers, texts = (
             {"omega_h": self.connection.omega_h},
             {name: getattr(self, name) for name in CLAIM_SHAPE},
@@ -186,12 +187,7 @@ def prove_connection_cycles(
     """
     parameters, omega_h = connection.parameters, connection.omega_h
     above, under = checked_distance(reach), checked_distance(below)
-    if (
-        not connection.proved
-        or parameters is None
-        or omega_h is None
-        or connection.verified is None
-    ):
+    if not connection.proved or omega_h is None or connection.verified is None:
         return ConnectionCyclesProof(ConnectionCyclesStatus.NO_CONNECTION, connection)
     parameters.refuse_unless_linear("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
@@ -199,39 +195,11 @@ def prove_connection_cycles(
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
-    for attempt in range(_ATTEMPTS):
-        search = _CyclesSearch(connection, low, high, _LID_FACTOR**attempt)
-        try:
-            with working_precision(connection.bits):
-                end = verify_cycles(connection.verified, low, high, search, on_progress)
-        except Unproved as fault:
-            failed = ConnectionCyclesProof(
-                search.failure_status(fault), connection, low, high, outcome_detail=str(fault)
-            )
-            if not failed.outcome_detail.startswith(LID_REFUSAL):
-                break
-        else:
-            numbers = {
-                "kappa": end.kappa,
-                "eta": search.log["entry"]["lid"],
-                "T": end.min_passage_time,
-            }
-            texts = {name: f"{float(x):.4g}" for name, x in numbers.items()}
-            entry = {
-                name: part for name, part in search.log["entry"].items() if name not in CLAIM_SHAPE
-            }
-            own_evidence = search.log | {"entry": entry}
-            return ConnectionCyclesProof(
-                ConnectionCyclesStatus.PROVED,
-                connection,
-                low,
-                high,
-                end.gamma,
-                end.v,
-                texts,
-                own_evidence=own_evidence,
-            )
-    return failed
+    search = _CyclesSearch(connection, connection.verified, low, high, on_progress)
+    try:
+        return first_success(search.attempt, 0, _ATTEMPTS)
+    except SearchStopped as fault:
+        return ConnectionCyclesProof(fault.status, connection, low, high, outcome_detail=str(fault))
 
 
 def checked_distance(number: object) -> Fraction:
@@ -248,37 +216,61 @@ def checked_distance(number: object) -> Fraction:
 
 
 class _CyclesSearch(EvidenceSearch):
-    def __init__(
-        self, connection: ConnectionProof, low: Fraction, high: Fraction, lid_factor: float
-    ) -> None:
-        """Prepare a search for the evidence of this proof at speeds from ``low`` to ``high``
-        [rad/s].
+    """The search for the evidence with which the kernel proves the cycles at speeds from ``low`` to
+    ``high`` [rad/s].
 
-        The estimated height of the set D along z_u (its lid) is multiplied by ``lid_factor``.
-        """
+    Each attempt multiplies the estimated height of the set D along z_u (its lid) by its own factor.
+    """
+
+    def __init__(
+        self,
+        connection: ConnectionProof,
+        verified: EnclosedConnection,
+        low: Fraction,
+        high: Fraction,
+        on_progress: Callable[[float], None],
+    ) -> None:
         super().__init__()
-        self.connection, self.low, self.high, self.lid_factor = connection, low, high, lid_factor
+        self.connection, self.verified = connection, verified
+        self.low, self.high, self.on_progress = low, high, on_progress
+
+    def attempt(self, lids_tried: int) -> ConnectionCyclesProof:
+        self.lid_factor = _LID_FACTOR**lids_tried
+        try:
+            with working_precision(self.connection.bits):
+                end = verify_cycles(self.verified, self.low, self.high, self, self.on_progress)
+        except Unproved as fault:
+            following = lids_tried + 1 if str(fault).startswith(LID_REFUSAL) else None
+            raise SearchStopped(self.failure_status(fault), str(fault), following) from None
+        entry = self.log["entry"]
+        numbers = {"kappa": end.kappa, "eta": entry["lid"], "T": end.min_passage_time}
+        own_entry = {name: part for name, part in entry.items() if name not in CLAIM_SHAPE}
+        return ConnectionCyclesProof(
+            ConnectionCyclesStatus.PROVED,
+            self.connection,
+            self.low,
+            self.high,
+            end.gamma,
+            end.v,
+            {name: f"{float(x):.4g}" for name, x in numbers.items()},
+            own_evidence=self.log | {"entry": own_entry},
+        )
 
     def failure_status(self, fault: Unproved) -> ConnectionCyclesStatus:
-        """Return the status that names the stage at which the proof of the limit cycles failed.
-
-        ``fault`` is the error by which the kernel or the search gave up.
+        """Return the status that names the stage of the proof at which the kernel or this search
+        gave up.
         """
         if isinstance(fault, SearchStopped):
             return ConnectionCyclesStatus(fault.status)
         if "connection" in str(fault):
             return ConnectionCyclesStatus.APART
-        return (
-            ConnectionCyclesStatus.FLIGHT
-            if str(fault).startswith("flight")
-            else ConnectionCyclesStatus.INEQUALITY
-        )
+        if str(fault).startswith("flight"):
+            return ConnectionCyclesStatus.FLIGHT
+        return ConnectionCyclesStatus.INEQUALITY
 
     def box(self) -> dict[str, Any]:
-        omega_h, parameters = self.connection.omega_h, self.connection.parameters
-        assert omega_h is not None
-        assert parameters is not None
-        directions = eigenvectors(parameters, omega_h.value)[1]
+        middle = (self.verified.low + self.verified.high) / 2
+        directions = eigenvectors(self.connection.parameters, middle)[1]
         extents = [ball(extent).mid() for extent in _EXTENTS]
         return {"directions": directions.tolist(), "extents": extents, "cells": list(_CELLS)}
 
@@ -383,7 +375,6 @@ class _CyclesSearch(EvidenceSearch):
         ``speeds`` and ``slow`` (z_s at the start) have one entry for each flight. Raises Unproved
         if a flight does not arrive.
         """
-        assert self.connection.parameters is not None
         constants = self.connection.parameters.constants_in(DOUBLE)
         to_y, to_z = (
             np.array([[float(x) for x in row] for row in m.tolist()])

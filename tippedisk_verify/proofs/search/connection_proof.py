@@ -31,13 +31,7 @@ from tippedisk_verify.proofs.closed_forms import (
     exact_polynomial,
     real_root,
 )
-from tippedisk_verify.proofs.kernel.balls import (
-    Unproved,
-    ball,
-    ball_constants,
-    coefficient,
-    working_precision,
-)
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball, coefficient, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import (
     EIGENVALUES,
     EVIDENCE_SHAPE,
@@ -58,12 +52,13 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import Path
-from tippedisk_verify.proofs.numbers import ball_to_measured, widened
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
     EvidenceSearch,
     Proof,
     SearchStopped,
     certificate_claim,
+    first_success,
     parameter_texts,
 )
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
@@ -83,7 +78,9 @@ MAX_DIGITS = 300  #: half an hour; the time grows like the power 2.5 of the digi
 _GUARD_BITS = 56  # some 10 digits for the passage, and a few lost by divisions
 _MAX_FLIGHT = 30.0  # s
 _ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
-_MAX_PASSES = 3
+# Passes; bits that each has more than the one before; and the fast coordinate at the flight's end
+# relative to the interval's half-width, which each reduces by the same factor again
+_MAX_PASSES, _EXTRA_BITS, _FIRST_SHARE = 3, 48, Fraction(1, 64)
 _MAX_DOUBLINGS = 12  # doublings of a guessed weight before it is given up
 # rad; extents in gamma of the statement's box, if N lies in it. The larger it is, the more is
 # unique.
@@ -156,11 +153,7 @@ class ConnectionProof(Printable, Proof):
     upright: bool = False
     bits: int = 0  #: working precision of the last pass
     outcome_detail: str = ""  #: the inequality that fails
-    #: The connection comes in along the slow stable direction
-    arrives_along_slow_direction: bool = False
-    #: "above" or "below" Omega_h, in I: there the branch leaves N with falling gamma
-    gamma_falls_beyond: str = ""
-    parameters: Parameters | None = None  #: the disk of the proof
+    parameters: Any = None  #: the disk of the proof
     verified: EnclosedConnection | None = None  #: the kernel's result
     #: What the kernel has accepted
     evidence: Mapping[str, Any] = field(default_factory=dict)
@@ -181,7 +174,6 @@ class ConnectionProof(Printable, Proof):
         """The claim of the certificate about Omega_h, as a dictionary. It exists only if the proof
         succeeded.
         """
-        assert self.parameters is not None
         assert self.omega_h is not None
         assert self.room is not None
         numbers = dict(
@@ -207,20 +199,23 @@ class ConnectionProof(Printable, Proof):
         if not (
             self.proved
             and self.unique
-            and self.arrives_along_slow_direction
+            and self.verified is not None
+            and self.verified.arrives_along_slow_direction
             and value
             and value.value + value.uncertainty < 0
         ):
             return None
-        if self.parameters is not None and self.parameters.law.two_sided:
+        if self.parameters.law.two_sided:
             return None  # the theorem asks for a smoother field
-        other = "below" if self.gamma_falls_beyond == "above" else "above"
+        side, other = "above", "below"
+        if not self.verified.gamma_falls_above_omega_h:
+            side, other = other, side
         return (
             "for the tippedisk, the friction law and the Omega_h of the statement, by Shilnikov's "
             "theorem: with gamma "
             "in R (not modulo 2 pi) the two connections and the saddles have a neighbourhood in "
             "which, for all speeds "
-            f"close enough to Omega_h, there is exactly one periodic orbit {self.gamma_falls_beyond} "
+            f"close enough to Omega_h, there is exactly one periodic orbit {side} "
             f"Omega_h and none {other} "
             "it or at it; the orbit is asymptotically stable, the point symmetry maps it to "
             "itself, and its period "
@@ -263,39 +258,11 @@ def prove_connection(parameters: Parameters, near: object, digits: int = 12) -> 
         + max(0, math.ceil(math.log2(approximation.rational)))
         + _GUARD_BITS
     )
-    for attempt in range(_MAX_PASSES):
-        search = _ConnectionSearch(
-            parameters, middle, half_width, bits, Fraction(1, 64 ** (attempt + 1))
-        )
-        try:
-            with working_precision(bits):
-                disk = parameter_texts(parameters)
-                verified = verify_connection(
-                    disk, parameters.law.name, (middle, half_width), search
-                )
-        except Unproved as fault:
-            proof = ConnectionProof(
-                search.failure_status(fault), bits=bits, outcome_detail=str(fault)
-            )
-            if proof.status is ConnectionStatus.NOT_NEAR:
-                break
-            bits += 48
-        else:
-            return ConnectionProof(
-                status=ConnectionStatus.PROVED,
-                omega_h=Measured(middle, half_width),
-                unique=verified.unique,
-                saddle_eigenvalues=tuple(Measured(*pair) for pair in search.log["eigenvalues"]),
-                room=ArrivalBox(*verified.arrival_box),
-                upright=verified.never_flat,
-                bits=bits,
-                arrives_along_slow_direction=verified.arrives_along_slow_direction,
-                gamma_falls_beyond="above" if verified.gamma_falls_above_omega_h else "below",
-                parameters=parameters,
-                verified=verified,
-                evidence={name: search.log[name] for name in EVIDENCE_SHAPE},
-            )
-    return proof
+    search = _ConnectionSearch(parameters, middle, half_width)
+    try:
+        return first_success(search.attempt, (bits, _FIRST_SHARE), _MAX_PASSES)
+    except SearchStopped as fault:
+        return ConnectionProof(fault.status, bits=search.bits, outcome_detail=str(fault))
 
 
 def eigenvectors(parameters: Parameters, speed: Fraction) -> tuple[list[Any], Any]:
@@ -374,7 +341,7 @@ def invariant_curve_series(
 class _ConnectionSearch(EvidenceSearch):
     """The search for the evidence with which the kernel proves one interval of Omega_h.
 
-    It belongs to one interval of speeds and one working precision.
+    Each attempt has its own working precision.
     """
 
     # The status of a failure, by the evidence that was asked for last
@@ -392,26 +359,51 @@ class _ConnectionSearch(EvidenceSearch):
         parameters: Parameters,
         middle: Fraction,
         half_width: Fraction,
-        bits: int,
-        share: Fraction,
     ) -> None:
         super().__init__()
-        self.parameters, self.middle, self.bits = parameters, middle, bits
-        #: the flight ends when the fast coordinate is smaller
-        self.fast_tolerance = half_width * share
+        self.parameters, self.middle, self.half_width = parameters, middle, half_width
+
+    def attempt(self, choice: tuple[int, Fraction]) -> ConnectionProof:
+        """Prove the interval in so many bits.
+
+        The flight ends when the fast coordinate is smaller than a share of the half-width.
+        """
+        self.bits, self.share = choice
+        try:
+            with working_precision(self.bits):
+                verified = verify_connection(
+                    parameter_texts(self.parameters),
+                    self.parameters.law.name,
+                    (self.middle, self.half_width),
+                    self,
+                )
+        except Unproved as fault:
+            status = self.failure_status(fault)
+            following = self.bits + _EXTRA_BITS, self.share * _FIRST_SHARE
+            near = status is not ConnectionStatus.NOT_NEAR
+            raise SearchStopped(status, str(fault), following if near else None) from None
+        return ConnectionProof(
+            status=ConnectionStatus.PROVED,
+            omega_h=Measured(self.middle, self.half_width),
+            unique=verified.unique,
+            saddle_eigenvalues=tuple(Measured(*pair) for pair in self.log["eigenvalues"]),
+            room=ArrivalBox(*verified.arrival_box),
+            upright=verified.never_flat,
+            bits=self.bits,
+            parameters=self.parameters,
+            verified=verified,
+            evidence={name: self.log[name] for name in EVIDENCE_SHAPE},
+        )
 
     def failure_status(self, fault: Unproved) -> ConnectionStatus:
-        """Return the status that names the stage at which the proof of the connection failed.
-
-        ``fault`` is the error by which the kernel or the search gave up.
+        """Return the status that names the stage of the proof at which the kernel or this search
+        gave up.
         """
         if isinstance(fault, SearchStopped):
             return ConnectionStatus(fault.status)
-        return (
-            ConnectionStatus.SIDES
-            if str(fault) == OPPOSITE_SIDES_REFUSAL
-            else self._STAGES.get(self.latest_name, ConnectionStatus.FLOW)
-        )
+        if str(fault) == OPPOSITE_SIDES_REFUSAL:
+            return ConnectionStatus.SIDES
+        return self._STAGES.get(self.latest_name, ConnectionStatus.FLOW)
 
     def directions(self) -> list[list[Any]]:
         self.values, directions = eigenvectors(self.parameters, self.middle)
@@ -469,7 +461,7 @@ class _ConnectionSearch(EvidenceSearch):
             raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
             abs(z[SLOW]) < self.reach
-            and abs(curve.offset_from_curve(z)[1].mid()) < ball(self.fast_tolerance)
+            and abs(curve.offset_from_curve(z)[1].mid()) < ball(self.half_width * self.share)
         )
 
     def block(self, z: Sequence[Any], curve: ManifoldGraph) -> list[Any]:

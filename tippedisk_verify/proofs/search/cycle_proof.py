@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from enum import Enum
 from fractions import Fraction
@@ -32,12 +33,16 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import model_for_disk
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
-from tippedisk_verify.proofs.numbers import ball_to_measured, widened
-from tippedisk_verify.proofs.search.proof import Proof, SearchStopped, certificate_claim
+from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
+from tippedisk_verify.proofs.search.proof import (
+    Proof,
+    SearchStopped,
+    certificate_claim,
+    first_success,
+)
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
@@ -192,10 +197,11 @@ def prove_cycle(
             f"a guess has two components: {'gamma_bar' if section == LIBRATING_SECTION else 'beta_bar'} and v"
         )
     try:
-        return attempt.run([exact(part) for part in guess])
+        middle = attempt.refined_guess([exact(part) for part in guess])
+        return first_success(attempt.test_about, middle, _MAX_ATTEMPTS)
     except SearchStopped as fault:
         return CycleProof(
-            section, CycleStatus(fault.status), str(fault), parameters, attempt.omega, attempt.bits
+            section, fault.status, str(fault), parameters, attempt.omega, attempt.bits
         )
 
 
@@ -203,8 +209,8 @@ class CycleAttempt:
     """The search for a proof of one limit cycle at one speed, with its current precision and box
     size.
 
-    `run` refines a guess and applies Krawczyk's test to a box about it. It repeats this with more
-    bits until the cycle is proved to the wanted digits. It raises `SearchStopped` if that fails.
+    `test_about` applies Krawczyk's test to a box about a refined guess. It is repeated with more
+    bits until the cycle is proved to the wanted digits.
     """
 
     def __init__(
@@ -225,50 +231,47 @@ class CycleAttempt:
         self.box_bits = bits_for_digits(digits + _GUARD_DIGITS)
         self.bits = min(max_bits, self.box_bits + _GUARD_BITS)
 
-    def run(self, guess: Sequence[Any]) -> CycleProof:
-        middle = self.refined_guess(guess)
-        for _ in range(_MAX_ATTEMPTS):
-            with working_precision(self.bits):
-                at, speed_deviation = cycle.box_centre(self.setting, middle)
+    def test_about(self, middle: Sequence[Any]) -> CycleProof:
+        """Test the box about ``middle``, both coordinates on the section, and return the proof."""
+        with working_precision(self.bits):
+            at, speed_deviation = cycle.box_centre(self.setting, middle)
+            try:
                 fixed, evidence = self.test_box(at, speed_deviation, self.box_bits)
-                if isinstance(fixed, PoincareImage):
-                    ended, extra_bits = _not_followed(fixed), 64
-                elif not fixed.included:
-                    ended, extra_bits = (
-                        SearchStopped(CycleStatus.NOT_INCLUDED, f"in {self.bits} bits"),
-                        _lacking_bits(fixed, evidence),
-                    )
-                else:
-                    values = cycle.cycle_numbers(self.section, fixed)
-                    proof = CycleProof(
-                        self.section,
-                        CycleStatus.PROVED,
-                        f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
-                        self.parameters,
-                        self.omega,
-                        self.bits,
-                        values,
-                        stable=cycle.stability(values),
-                        reversals=cycle.reversals_per_period(self.section, fixed),
-                    )
-                    lacking = proof.lacking_bits(self.digits)
-                    if not lacking:
-                        return self.with_uniqueness_distances(
-                            proof, fixed, speed_deviation, evidence
-                        )
-                    ended, extra_bits = (
-                        SearchStopped(CycleStatus.TOO_FEW_DIGITS, f"{lacking} bits are lacking"),
-                        lacking + 4,
-                    )
-                    self.box_bits += extra_bits
-                if isinstance(fixed, KrawczykResult) and all(
-                    part.is_finite() for part in fixed.image
-                ):
-                    middle = [part.mid() for part in fixed.image[:2]]
-            if self.bits + extra_bits > self.max_bits:
-                raise ended
-            self.bits += extra_bits
-        raise ended
+            except FlightStopped as fault:
+                raise self.stopped(CycleStatus.NOT_FOLLOWED, f"at {fault}", 64, middle) from None
+            if all(part.is_finite() for part in fixed.image):
+                middle = [part.mid() for part in fixed.image[:2]]
+            if not fixed.included:
+                detail, lacking = f"in {self.bits} bits", _lacking_bits(fixed, evidence)
+                raise self.stopped(CycleStatus.NOT_INCLUDED, detail, lacking, middle)
+            values = cycle.cycle_numbers(self.section, fixed)
+            proof = CycleProof(
+                self.section,
+                CycleStatus.PROVED,
+                f"in {self.bits} bits, {fixed.centre.steps} + {fixed.box.steps} steps",
+                self.parameters,
+                self.omega,
+                self.bits,
+                values,
+                stable=cycle.stability(values),
+                reversals=cycle.reversals_per_period(self.section, fixed),
+            )
+            if lacking := proof.lacking_bits(self.digits):
+                self.box_bits += lacking + 4
+                detail = f"{lacking} bits are lacking"
+                raise self.stopped(CycleStatus.TOO_FEW_DIGITS, detail, lacking + 4, middle)
+            return self.with_uniqueness_distances(proof, fixed, speed_deviation, evidence)
+
+    def stopped(
+        self, status: CycleStatus, detail: str, extra_bits: int, middle: Sequence[Any]
+    ) -> SearchStopped:
+        """Return the fault of an attempt, and raise the precision for the next one, about
+        ``middle``, unless it would be too high.
+        """
+        if self.bits + extra_bits > self.max_bits:
+            return SearchStopped(status, detail)
+        self.bits += extra_bits
+        return SearchStopped(status, detail, middle)
 
     def test_box(
         self,
@@ -276,7 +279,7 @@ class CycleAttempt:
         speed_deviation: Any,
         size: int,
         centre: tuple[FlightStepSearch, PoincareImage] | None = None,
-    ) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
+    ) -> tuple[KrawczykResult, dict[str, Any]]:
         """Apply Krawczyk's test to a box whose radii are 2^-size times the state at its centre.
 
         Args:
@@ -286,14 +289,17 @@ class CycleAttempt:
             centre: The flight from the centre, if it has already been computed.
 
         Returns:
-            The test's result (or a flight that did not return to the section), and the evidence.
+            The test's result, and the evidence.
+
+        Raises:
+            FlightStopped: If the flights are not shown to return to the section.
         """
         radii = [(abs(part) * arb(2) ** -size).mid() for part in middle[:2]]
         return searched_test(
             self.setting, self.section, (0, 1), middle, radii, speed_deviation, centre
         )
 
-    def refined_guess(self, guess: Sequence[Any]) -> list[Any]:
+    def refined_guess(self, guess: Sequence[Any]) -> Sequence[Any]:
         """Refine a guess of a limit cycle by Newton's iteration on midpoints, until its distance
         from the cycle is less than the radius of the box to be tested.
         """
@@ -307,17 +313,18 @@ class CycleAttempt:
         correct, gain = 0, 0
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
-                flight = enclose_poincare_map(
-                    model_for_disk(self.parameters, ball(self.omega)),
-                    self.section,
-                    state,
-                    FlightStepSearch(),
-                    derivatives=matrix is None,
-                )
-                if flight.status is not FlowStatus.RETURNED:
-                    raise _not_followed(flight)
+                try:
+                    flight = enclose_poincare_map(
+                        model_for_disk(self.parameters, ball(self.omega)),
+                        self.section,
+                        state,
+                        FlightStepSearch(),
+                        derivatives=matrix is None,
+                    )
+                except FlightStopped as fault:
+                    raise SearchStopped(CycleStatus.NOT_FOLLOWED, f"at {fault}") from None
                 if matrix is None:
-                    (a, b), (c, d) = flight.image_by_start
+                    (a, b, _), (c, d, _) = flight.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = matrix_times_vector(
@@ -363,22 +370,16 @@ class CycleAttempt:
         with working_precision(_WIDE_BOX_BITS):
             for size in _WIDE_BOX_EXPONENTS:
                 if size >= self.box_bits:
-                    continue
-                wide_result, wide = self.test_box(
-                    fixed.middle, speed_deviation, size, (evidence["centre"], fixed.centre)
-                )
-                if isinstance(wide_result, KrawczykResult) and wide_result.included:
-                    evidence["wide box"] = wide["box"] | {"bits": _WIDE_BOX_BITS}
                     break
+                with suppress(FlightStopped):
+                    wide_result, wide = self.test_box(
+                        fixed.middle, speed_deviation, size, (evidence["centre"], fixed.centre)
+                    )
+                    if wide_result.included:
+                        evidence["wide box"] = wide["box"] | {"bits": _WIDE_BOX_BITS}
+                        break
         radii = [arb(0, size) for size in evidence.get("wide box", evidence["box"])["radii"]]
         return replace(proof, unique_within=cycle.uniqueness_radii(fixed, radii), evidence=evidence)
-
-
-def _not_followed(flight: PoincareImage) -> SearchStopped:
-    return SearchStopped(
-        CycleStatus.NOT_FOLLOWED,
-        f"at t = {float(flight.time_reached):.4g} s: {flight.status.value}",
-    )
 
 
 def _lacking_bits(fixed: KrawczykResult, evidence: Mapping[str, Any]) -> int:

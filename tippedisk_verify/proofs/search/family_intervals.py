@@ -22,9 +22,9 @@ import numpy as np
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
-from tippedisk_verify.proofs.kernel.balls import arb, ball_constants, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
-from tippedisk_verify.proofs.numbers import ball_to_measured
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_piece
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
@@ -309,7 +309,7 @@ class _Jobs:
         self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
         if self.executor is not None:
             for interval in self.waiting:
-                self.running[self.executor.submit(_prove_interval, *self._job(interval))] = interval
+                self.running[self.executor.submit(prove_piece, *self._job(interval))] = interval
             self.waiting = []
 
     def cancel_from(self, low: Fraction) -> None:
@@ -326,23 +326,15 @@ class _Jobs:
         while self.waiting or self.running:
             if self.waiting:
                 interval = self.waiting.pop(0)
-                yield _prove_interval(*self._job(interval)), interval
+                yield prove_piece(*self._job(interval)), interval
             else:
                 for future in wait(self.running, return_when=FIRST_COMPLETED).done:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
-    def _job(self, interval: Interval) -> tuple[Parameters, Interval, CycleGuess]:
-        if not interval.low:
-            return self.parameters, interval, hopf_guess(self.parameters)
-        return (
-            self.parameters,
-            interval,
-            guess_at(self.approximate_cycles, (interval.low + interval.high) / 2),
-        )
-
-
-def _prove_interval(
-    parameters: Parameters, interval: Interval, guess: CycleGuess
-) -> Piece | ArcStatus:
-    return prove_piece(parameters, interval.low, interval.high, guess)
+    def _job(self, interval: Interval) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
+        """Return the arguments of `prove_piece` for an interval."""
+        low, high = interval.low, interval.high
+        if not low:
+            return self.parameters, low, high, hopf_guess(self.parameters)
+        return self.parameters, low, high, guess_at(self.approximate_cycles, (low + high) / 2)

@@ -116,7 +116,10 @@ class FamilyProof(Proof):
         if self.omega_end is None or known is None:
             return None
         # It grows with Omega_crit and with Omega_h.
-        top, bottom = _lower_end(measured_omega_crit(self.parameters)), _lower_end(known)
+        top, bottom = (
+            number.value - number.uncertainty
+            for number in (measured_omega_crit(self.parameters), known)
+        )
         unit = 10**_DECIMALS
         return Fraction(max(Fraction(0), (top - self.omega_end) / (top - bottom)) * unit // 1, unit)
 
@@ -225,7 +228,3 @@ class FamilyProof(Proof):
             }
         arcs = [piece_entry(piece) for piece in self.pieces]
         return entries | {"arcs": arcs, "parameters": self.parameters.name}
-
-
-def _lower_end(number: Measured) -> Fraction:
-    return number.value - number.uncertainty

@@ -21,7 +21,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
     ball,
-    ball_constants,
     require,
     working_precision,
 )
@@ -34,10 +33,15 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
-from tippedisk_verify.proofs.numbers import ball_to_measured, widened
-from tippedisk_verify.proofs.search.proof import Proof, certificate_claim
+from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
+from tippedisk_verify.proofs.search.proof import (
+    Proof,
+    SearchStopped,
+    certificate_claim,
+    first_success,
+)
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
@@ -51,6 +55,8 @@ _FIRST_SLOPE = 8  # of v along the arc [1/s], at first
 _FIRST_WIDTH = 2**26
 _INFLATIONS = 3
 _MAX_CHORD_STEPS = 12
+
+Box = tuple[list[Any], list[Any]]  #: the middle and the radii of v and Omega
 
 
 @dataclass(frozen=True, repr=False)
@@ -73,9 +79,7 @@ class FoldProof(Proof):
     #: What the kernel accepted
     evidence: Mapping[str, Any] | None = field(default=None, repr=False)
 
-    @property
-    def status(self) -> None:
-        """None: a fold has no status, and ``outcome_detail`` gives the reason of a failure."""
+    status = None  #: a fold has no status: ``outcome_detail`` gives the reason of a failure
 
     @property
     def proved(self) -> bool:
@@ -122,6 +126,9 @@ def prove_fold(
             extremum, values = attempt.run()
             faint = f"the speed is not enclosed to {digits} digits: ask for more"
             require(values["omega"].uncertainty <= values["omega"].value / 10**digits, faint)
+        except FlightStopped as fault:
+            reason = f"on the arc, the orbit could not be followed beyond {fault}"
+            return FoldProof(section, reason, parameters, bits)
         except Unproved as fault:
             return FoldProof(section, str(fault), parameters, bits)
     return FoldProof(
@@ -182,21 +189,19 @@ class _FoldAttempt:
 
         The box is widened until it holds Krawczyk's image.
         """
-        m, radii = (
-            [ball(part).mid() for part in self.near],
-            [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()],
-        )
-        for _ in range(1 + _INFLATIONS):
-            fixed = self.test_box("arc", arc, m, radii)
+
+        def attempt(box: Box) -> KrawczykResult:
+            fixed = self.test_box("arc", arc, *box)
             if fixed.included:
                 return fixed
-            if not all(part.is_finite() for part in fixed.image):
-                break
-            m, radii = (
-                [part.mid() for part in fixed.image[1:]],
-                [2 * part.rad() for part in fixed.image[1:]],
-            )
-        raise Unproved("on the arc, Krawczyk's image does not lie inside the box")
+            image, finite = fixed.image[1:], all(part.is_finite() for part in fixed.image)
+            wider = [part.mid() for part in image], [2 * part.rad() for part in image]
+            refusal = "on the arc, Krawczyk's image does not lie inside the box"
+            raise SearchStopped(None, refusal, wider if finite else None)
+
+        first_radii = [(_FIRST_SLOPE * length).mid(), (_FIRST_WIDTH * length**2).mid()]
+        first_box = [ball(part).mid() for part in self.near], first_radii
+        return first_success(attempt, first_box, 1 + _INFLATIONS)
 
     def test_end(
         self, name: str, end: Any, whole: KrawczykResult, radii: Sequence[Any]
@@ -219,10 +224,8 @@ class _FoldAttempt:
         for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
             flight = enclose_poincare_map(
-                Model(ball_constants(self.parameters), m[1]), self.section, start, search
+                model_for_disk(self.parameters, m[1]), self.section, start, search
             )
-            if flight.status is not FlowStatus.RETURNED:
-                raise _not_followed(flight)
             steps = matrix_times_vector(
                 inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
             )
@@ -252,13 +255,4 @@ class _FoldAttempt:
         fixed, self.evidence[name] = searched_test(
             setting, self.section, (1, 2), middle, radii, p - p.mid(), centre
         )
-        if isinstance(fixed, PoincareImage):
-            raise _not_followed(fixed)
         return fixed
-
-
-def _not_followed(flight: PoincareImage) -> Unproved:
-    return Unproved(
-        f"on the arc, the orbit could not be followed beyond t = {float(flight.time_reached):.4g} s: "
-        f"{flight.status.value}"
-    )

@@ -1,14 +1,19 @@
-"""The result of a search for a proof, and its certificate as a file: a claim, the evidence with
-which the kernel proved it, and a digest.
+"""The outline of every search for a proof, and its result: a proof with its certificate as a file.
+
+A search makes attempts. An attempt works with one choice, such as a precision, the radii of a box
+or the height of a set, and returns what is proved. If it stops, it may name the choice of the next
+attempt, which follows from what was refused. The searches differ in the formulas of their attempts;
+the loop stands here (`first_success`).
+
+A certificate has a claim, the evidence with which the kernel proved it, and a digest.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from enum import Enum
+from collections.abc import Callable, Mapping
 from fractions import Fraction
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import SYMBOLS, Parameters
@@ -19,17 +24,54 @@ from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_tex
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
-__all__ = ["EvidenceSearch", "Proof", "SearchStopped", "certificate_claim", "parameter_texts"]
+__all__ = [
+    "EvidenceSearch",
+    "Proof",
+    "SearchStopped",
+    "certificate_claim",
+    "first_success",
+    "parameter_texts",
+]
+
+Result = TypeVar("Result")
+
 
 _PRINTED_NAMES = {"reversals": "sliding_reversals"}  # names that differ from those in the claim
 
 
 class SearchStopped(Unproved):
-    """Raised if a search gives up; ``status`` is the reason, and the message may give details."""
+    """Raised if an attempt gives up; the message may give details.
 
-    def __init__(self, status: Enum, detail: str = "") -> None:
+    Args:
+        status: The reason.
+        detail: The message.
+        next_choice: The choice of the next attempt; None if no other choice would help.
+    """
+
+    def __init__(self, status: Any, detail: str = "", next_choice: Any = None) -> None:
         super().__init__(detail)
-        self.status = status
+        self.status, self.next_choice = status, next_choice
+
+
+def first_success(attempt: Callable[[Any], Result], choice: Any, max_attempts: int) -> Result:
+    """Repeat an attempt with other choices until it succeeds, and return its result.
+
+    Raises the last attempt's SearchStopped if none succeeds.
+
+    Args:
+        attempt: Called with a choice.
+        choice: The choice of the first attempt.
+        max_attempts: The largest number of attempts.
+    """
+    for _ in range(max_attempts):
+        try:
+            return attempt(choice)
+        except SearchStopped as fault:
+            stopped, choice = fault, fault.next_choice
+        if choice is None:
+            break
+    stopped.next_choice = None  # an attempt may itself repeat attempts, which have ended
+    raise stopped
 
 
 class Proof:

@@ -19,12 +19,17 @@ from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, krawczyk_test
 from tippedisk_verify.proofs.kernel.poincare_map import PoincareImage, PoincareSection
-from tippedisk_verify.proofs.kernel.proved_flow import Path, rounded_down_to_20_bits
+from tippedisk_verify.proofs.kernel.proved_flow import Path
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, log2_magnitude
 
-__all__ = ["FlightStepSearch", "axes_of_balls", "searched_test"]
+__all__ = [
+    "FlightStepSearch",
+    "axes_of_balls",
+    "rounded_down_to_20_bits",
+    "searched_test",
+]
 
 _MIN_ORDER = 16  # of derivatives that only multiply radii
 # Over a wide box, the order of the series and the decay along v in a step. Balls add up
@@ -218,6 +223,12 @@ def _rounded_centre(point: Any) -> Any:
     return arb((round(math.ldexp(mantissa, _AXIS_BITS)), exponent - _AXIS_BITS))
 
 
+def rounded_down_to_20_bits(length: float) -> float:
+    """Round a step length down to 20 bits, so that sums of lengths are exact."""
+    mantissa, exponent = math.frexp(length)
+    return math.ldexp(math.floor(mantissa * 2**20), exponent - 20)
+
+
 def searched_test(
     setting: Mapping[str, Any],
     section: PoincareSection,
@@ -226,9 +237,11 @@ def searched_test(
     radii: Sequence[Any],
     third_deviation: Any,
     centre: tuple[FlightStepSearch, PoincareImage] | None = None,
-) -> tuple[KrawczykResult | PoincareImage, dict[str, Any]]:
+) -> tuple[KrawczykResult, dict[str, Any]]:
     """Apply Krawczyk's test to a box, with steps found by a search. Return the result and the
     evidence.
+
+    Raises FlightStopped as `krawczyk_test` does.
 
     Args:
         setting: The disk and the friction law.
@@ -242,12 +255,6 @@ def searched_test(
     """
     centre_search, flight = (FlightStepSearch(), None) if centre is None else centre
     box_search = FlightStepSearch()
-    preconditioner: list[Sequence[Any]] = []
-
-    def inverse(matrix: Matrix) -> Matrix:
-        preconditioner[:] = midpoint_inverse(matrix)
-        return preconditioner
-
     deviations = [arb(0, size) for size in radii]
     deviations.insert({0, 1, 2}.difference(unknown_indices).pop(), third_deviation)
     fixed = krawczyk_test(
@@ -257,10 +264,10 @@ def searched_test(
         deviations,
         unknown_indices,
         (centre_search, box_search),
-        inverse,
+        midpoint_inverse,
         flight,
     )
-    box = {"radii": radii, "inverse": preconditioner, "flight": box_search}
+    box = {"radii": radii, "inverse": fixed.preconditioner, "flight": box_search}
     return fixed, {
         "middle": [middle[k] for k in unknown_indices],
         "centre": centre_search,

@@ -58,6 +58,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [
@@ -149,9 +150,10 @@ def verify_connection(
     arriving = _manifold_graph(saddle, SLOW, evidence_source("slow", saddle))
     path, branch_boxes = saddle.path(start, evidence_source("flight")), [whole]
     while True:
-        step = path.step()
-        if step is None:
-            raise Unproved("6.2: the flight between the saddles could not be enclosed")
+        try:
+            step = path.step()
+        except FlightStopped:
+            raise Unproved("6.2: the flight between the saddles could not be enclosed") from None
         branch_boxes += _boxes_along_step(step)
         never_flat = never_flat and _is_never_flat(step.enclosure[0])
         path.take_step(step)

@@ -90,18 +90,18 @@ def main_numbers(section: PoincareSection) -> tuple[str, ...]:
     )
 
 
-def box_centre(claim: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
+def box_centre(setting: Mapping[str, Any], middle: Sequence[Any]) -> tuple[list[Any], Any]:
     """Return the centre of the box in which a cycle is tested, and the speed's deviation from it.
 
     Args:
-        claim: The claim, with its exact speed.
+        setting: Contains the exact speed (``omega``).
         middle: Both coordinates of the centre on the section, as exact numbers.
 
     Returns:
         A list of these coordinates and of the midpoint of a ball that holds the speed. Then that
         ball minus its midpoint.
     """
-    speed = ball(claim["omega"])
+    speed = ball(setting["omega"])
     return [*middle, speed.mid()], speed - speed.mid()
 
 
@@ -115,7 +115,7 @@ def cycle_numbers(section: PoincareSection, fixed: KrawczykResult) -> dict[str, 
         fixed: The enclosed fixed point, with the map's derivatives.
     """
     centre, box, flights = fixed.centre, fixed.box, section.flights_per_period
-    (a, b), (c, d) = box.image_by_start
+    (a, b, e), (c, d, f) = box.image_by_start  # by (x, Omega)
     trace, contraction = a + d, box.divergence.exp()
     # For a complex pair, or a turn map's trace of uncertain sign, this is not finite and proves
     # nothing.
@@ -125,20 +125,20 @@ def cycle_numbers(section: PoincareSection, fixed: KrawczykResult) -> dict[str, 
         sign = -1 if negative(trace) else arb.nan()
     slow, determinant = flights * larger.log(), (1 - a) * (1 - d) - b * c
     by_omega = [
-        ((1 - d) * box.image_by_omega[0] + b * box.image_by_omega[1]) / determinant,
-        ((1 - a) * box.image_by_omega[1] + c * box.image_by_omega[0]) / determinant,
+        ((1 - d) * e + b * f) / determinant,
+        ((1 - a) * f + c * e) / determinant,
         1,
     ]
-    time_by = (*box.time_by_start, box.time_by_omega)
     first, second = COORDINATE_NAMES[section]
     numbers = {
-        "period": flights * fixed.mean_value_form(centre.time, time_by),
+        "period": flights * fixed.mean_value_form(centre.time, box.time_by_start),
         first: fixed.image[0],
         second: fixed.image[1],
         "multiplier_slow": sign * larger**flights,
         "log_multiplier_slow": slow,
         "log_multiplier_fast": flights * box.divergence - slow,
-        "dperiod_domega": flights * sum(x * y for x, y in zip(time_by, by_omega, strict=True)),
+        "dperiod_domega": flights
+        * sum(x * y for x, y in zip(box.time_by_start, by_omega, strict=True)),
         f"d{first}_domega": by_omega[0],
         f"d{second}_domega": by_omega[1],
     }

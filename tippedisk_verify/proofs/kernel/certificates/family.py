@@ -165,11 +165,6 @@ class Piece:
         return middle - self.within[1], middle + self.within[1]
 
 
-def polynomial_jet(texts: Sequence[str]) -> Jet:
-    """Return the polynomial with these coefficients (decimals, lowest power first) as a jet."""
-    return Jet([ball(Fraction(text)) for text in texts])
-
-
 def exact_magnitude_bound(x: Any) -> Fraction:
     """Return an upper bound of the absolute values in a finite ball."""
     middle, radius = midpoint_and_radius(x)
@@ -203,7 +198,9 @@ def krawczyk_test_of_box(
     high = Fraction(arc["end"])
     require(0 <= low < high, "its end is not above its beginning")
     begin, end = (low, high) if low else (low, high**2)
-    first, second, half = map(polynomial_jet, (*arc["curve"], arc["half"]))
+    first, second, half = (
+        Jet([ball(Fraction(text)) for text in row]) for row in (*arc["curve"], arc["half"])
+    )
     require(first.degree == second.degree == half.degree > 0, "its polynomials have unlike degrees")
     require(min(radii) > 0, "a box is empty: a radius is not positive")
     parameter = Jet(
@@ -351,29 +348,25 @@ def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
     return omega, ball(last.high), v
 
 
-def _family_shape(whole: bool) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the formats of the claim and of the evidence in a certificate about the family.
-
-    `certificate_format.read_shape` checks a file against them. If ``whole``, the family reaches up
-    to the connection, and both formats have further members for it.
-    """
-    claim = {
-        "friction": one_of("linear"),
-        "numbers": dict.fromkeys(
-            ("omega_crit", "omega_h") if whole else ("omega_crit",), NUMBER_SHAPE
-        ),
-        **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), read_decimal),
-        "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, read_decimal),
-    }
-    evidence: dict[str, Any] = {"arcs": [ARC_SHAPE, None]}
-    if whole:
-        return claim | connection_cycles.CLAIM_SHAPE, evidence | {
-            "end": connection_cycles.EVIDENCE_SHAPE
-        }
-    return claim, evidence
-
-
-SHAPES = {kind: _family_shape(whole) for kind, whole in KINDS.items()}
+_CLAIM_SHAPE: dict[str, Any] = {
+    "friction": one_of("linear"),
+    "numbers": {"omega_crit": NUMBER_SHAPE},
+    **dict.fromkeys(("amplitude_first", "amplitude_end", "omega_end"), read_decimal),
+    "unique_within": dict.fromkeys(_UNIQUENESS_KEYS, read_decimal),
+}
+_WHOLE_CLAIM_SHAPE = {
+    **_CLAIM_SHAPE,
+    "numbers": {"omega_crit": NUMBER_SHAPE, "omega_h": NUMBER_SHAPE},
+    **connection_cycles.CLAIM_SHAPE,
+}
+_ARCS_SHAPE = [ARC_SHAPE, None]
+SHAPES = {
+    "family of limit cycles": (_CLAIM_SHAPE, {"arcs": _ARCS_SHAPE}),
+    "whole family of limit cycles": (
+        _WHOLE_CLAIM_SHAPE,
+        {"arcs": _ARCS_SHAPE, "end": connection_cycles.EVIDENCE_SHAPE},
+    ),
+}
 
 
 def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcMap = map) -> None:
