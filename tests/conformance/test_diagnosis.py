@@ -251,8 +251,21 @@ def test_sums_are_shown_as_they_are_read(text: str) -> None:
 
 
 def test_levels_without_an_integrator_follow_and_later_ones_may_follow(store: Store) -> None:
+    random.seed(5)
     mistake = EQUATION_MISTAKES["Bbar-B"]
     program = patched_program([(mistake.old, mistake.new)])
     assert program is not None
-    diagnoses = diagnose(grades_of(program, range(1, 3)), store)
-    assert [one.status for one in diagnoses] == ["explained", "follows"]
+    answers = program["answered"](question_rows(range(1, 3)))
+    for quantity in store.matching("table1/linear/limit-cycle/"):
+        answers[quantity.id] = repr(quantity.for_doubles * (1 + 0.1 * random.random()))
+    diagnoses = _diagnosed(answers, store)
+    assert [one.status for one in diagnoses] == ["explained", "follows", "may-follow"]
+
+
+def test_levels_follow_from_a_wrong_parameter(store: Store) -> None:
+    old = "p = tuple(float(entry[0][name]) for name in PARAMETERS)"
+    program = patched_program([(old, f"{old}\n        p = (0.054, *p[1:])")])
+    assert program is not None
+    level_1, *later = diagnose(grades_of(program, range(1, 4)), store)
+    assert level_1.causes == (("equations", "the inputs: r = 0.054"),)
+    assert [one.status for one in later] == ["follows", "follows"]

@@ -397,6 +397,8 @@ class SheetDiagnosis:
 
         Where these mistakes predict no value, the truth is returned.
         """
+        if table.kind not in PREDICTIONS:
+            return table.truth
         predicted = predicted_answers(table, self.known_changes(table.friction))
         return np.where(np.isfinite(predicted), predicted, table.truth)
 

@@ -144,7 +144,7 @@ def _assemble_matrices(gamma_slope: Any, last_row: list[Any], values: EquationVa
         last_row: The derivatives of v' by beta, gamma and v.
         values: The definitions with the inputs of the entries.
     """
-    matrices = np.zeros((len(values["r"]), 3, 3))
+    matrices = np.zeros((len(values.inputs["r"]), 3, 3))
     matrices[:, 0, 2], matrices[:, 1, 0] = 1.0, gamma_slope
     matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = last_row
     return matrices
@@ -188,7 +188,7 @@ def hopf_inputs(values: EquationValues) -> dict[str, dict[str, Array]]:
     Args:
         values: The definitions with the inputs of the entries.
     """
-    speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
+    speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values.inputs["r"])
     j = linearised_matrices(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
