@@ -381,12 +381,12 @@ _EXTRA_NUMBERS = {
 # Sums whose parts are likelier to be wrong than the sums
 _COMPOSITE_SUMS = ("recursion", "residual")
 # Factors by which a whole sum may be multiplied by mistake.
-_SUM_FACTORS = {
-    "the wrong sign": Term(-1.0, ()),
-    "the factor 2": Term(2.0, ()),
-    "the factor 1/2": Term(0.5, ()),
-    **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
-    **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
+_SUM_FACTORS: dict[str, tuple[float, str, int]] = {
+    "the wrong sign": (-1.0, "", 1),
+    "the factor 2": (2.0, "", 1),
+    "the factor 1/2": (0.5, "", 1),
+    **{f"the factor {name}": (1.0, name, 1) for name in ("M", "Omega", "epsilon", "m")},
+    **{f"the factor 1/{name}": (1.0, name, -1) for name in ("M", "Omega", "epsilon", "m")},
 }
 # Symbols that stand for sums, which may be wrong in one place only
 _SHARED_SUMS = ("Bbar", "rho", "inertia")
@@ -476,7 +476,7 @@ def _definition_changes(name: str, values: EquationValues) -> Iterator[Change]:
             yield Change(((name, n, new),), f"in {name}: {sentence}", rank + late)
     for text, factor in _SUM_FACTORS.items() if is_sum and name[0] != "(" else ():
         yield Change(
-            tuple((name, n, (term.times_term(factor),)) for n, term in enumerate(terms)),
+            tuple((name, n, (term.times(*factor),)) for n, term in enumerate(terms)),
             f"{name} has {text}",
             1,
         )

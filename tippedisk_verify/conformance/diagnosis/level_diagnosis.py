@@ -29,18 +29,9 @@ class Diagnosis:
     #: True if unexplained answers may follow from mistakes named at earlier levels
     may_follow: bool = False
 
-    @property
-    def sets(self) -> tuple[str, ...]:
-        """The parameter sets of the failed answers."""
-        return self._parts_of_ids(0)
-
-    @property
-    def frictions(self) -> tuple[str, ...]:
-        """The friction laws of the failed answers."""
-        return self._parts_of_ids(1)
-
-    def _parts_of_ids(self, place: int) -> tuple[str, ...]:
-        return tuple(sorted({grade.id.split("/")[place] for grade in self.failed}))
+    def _parts_of_ids(self, place: int) -> list[str]:
+        """Return the parameter sets (place 0) or the friction laws (1) of the failed answers."""
+        return sorted({grade.id.split("/")[place] for grade in self.failed})
 
     @property
     def too_few_digits(self) -> int:
@@ -66,11 +57,9 @@ class Diagnosis:
         """Return the diagnosis of one level in one line of text: the failures, their causes, and
         what is unexplained.
         """
-        both = len(self.frictions) > 1 or self.frictions == ("both",)
-        laws = "both laws" if both else f"{self.frictions[0]} friction"
-        text = (
-            f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(self.sets)}, {laws}): "
-        )
+        sets, frictions = self._parts_of_ids(0), self._parts_of_ids(1)
+        laws = f"{frictions[0]} friction" if frictions in (["linear"], ["smooth"]) else "both laws"
+        text = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(sets)}, {laws}): "
         counts = (
             (len(self.failed) - self.too_few_digits, "wrong"),
             (self.too_few_digits, "with too few digits only"),
@@ -97,8 +86,8 @@ class Diagnosis:
     def to_dict(self) -> dict[str, Any]:
         return {
             "level": self.level,
-            "sets": list(self.sets),
-            "frictions": list(self.frictions),
+            "sets": self._parts_of_ids(0),
+            "frictions": self._parts_of_ids(1),
             "failed": len(self.failed),
             "too_few_digits": self.too_few_digits,
             "no_numbers": self.no_numbers,

@@ -21,8 +21,8 @@ from typing import Any
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes
-from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers
-from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term, parse_sum
+from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers, Table
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["RegressionProblem", "Search", "likelihood_sort_key", "program_with_changes"]
@@ -50,6 +50,7 @@ class RegressionProblem(ComparedAnswers):
     answers satisfy.
     """
 
+    table: Table
     name: str
     definition: str
     identity: str  #: a sum that vanishes for right answers, which it contains as ``answer``
@@ -109,9 +110,9 @@ def with_changes(values: EquationValues, change_set: Iterable[Change]) -> Equati
         values: The program to be changed; it stays as it is.
         change_set: The changes.
     """
-    for change in change_set:
-        values = values.with_substitutions(change.substitutions)
-    return values
+    return values.with_substitutions(
+        [part for change in change_set for part in change.substitutions]
+    )
 
 
 def program_with_changes(
@@ -223,7 +224,7 @@ class _Effects:
         self, problem: RegressionProblem, program: EquationValues, unchanged_names: frozenset[str]
     ) -> None:
         self.problem, self.program, self.unchanged_names = problem, program, unchanged_names
-        self.identity, rows = parse_sum(problem.identity), problem.sample
+        self.identity, rows = f"({problem.identity})", problem.sample
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.inputs.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
         self.values = values = program.at_inputs(**given, answer=answer)
@@ -232,7 +233,8 @@ class _Effects:
             - self.identity_value(values)
         )
         self.residual = self.identity_value(values) / allowed_residual
-        self.names = values.total(self.identity)[1] - {"answer"} - unchanged_names
+        names = values.inputs_of(self.identity) - {"answer", self.identity}
+        self.names = names - unchanged_names
         # Random weights: effects are compared by their weighted sums over the sample
         self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
         groups: dict[str, tuple[Array, list[Change]]] = {}
@@ -265,7 +267,7 @@ class _Effects:
         Args:
             values: The program with the inputs and the answers of the sample.
         """
-        return np.real(values.total(self.identity)[0] + 0 * values.inputs["answer"])
+        return np.real(values[self.identity] + 0 * values.inputs["answer"])
 
     def cancelling_sets(self, size: int, highest: int) -> Iterator[ChangeSet]:
         """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
@@ -293,13 +295,14 @@ class _Effects:
         high = np.searchsorted(weighted_effects[order], missing_effect + tolerance, side="right")
         if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
-        sets: dict[tuple[int, ...], ChangeSet] = {}
-        for group in np.flatnonzero(high > low).tolist():
-            for last in order[low[group] : high[group]].tolist():
-                members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
-                if len(members) == size and self.cancels_residual(members):
-                    sets[members] = tuple(self.changes[n] for n in members)
-        yield from sorted(sets.values(), key=likelihood_sort_key)
+        members = {
+            tuple(sorted({*groups[group].tolist(), last}))
+            for group in np.flatnonzero(high > low).tolist()
+            for last in order[low[group] : high[group]].tolist()
+        }
+        sets = [tuple(likely[n] for n in one) for one in sorted(members) if len(one) == size]
+        cancelling = [[self.changes[n] for n in one] for one in sets if self.cancels_residual(one)]
+        yield from map(tuple, sorted(cancelling, key=likelihood_sort_key))
 
     def cancels_residual(self, members: tuple[int, ...]) -> bool:
         """Return True if the effects of changes add up to minus the residual, except for rounding.

@@ -18,13 +18,11 @@ from tippedisk_verify.numbers.decimals import decimal_arithmetic
 from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
-__all__ = ["EXPLAINED_LAST", "Array", "ComparedAnswers", "Table", "tables_of"]
+__all__ = ["Array", "ComparedAnswers", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
 _PREDICTION_FACTOR = 10.0
-#: How the names of quantities begin that are explained last: derivatives of v', and residuals
-EXPLAINED_LAST = ("dv_rate", "residual")
 _VERDICTS_WITHOUT_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
@@ -88,11 +86,6 @@ class Table(ComparedAnswers):
         crossing, or an order, by words.
         """
         return [split_name(name, self.kind)[1] for name in self.names]
-
-    @cached_property
-    def explained_last(self) -> Array:
-        """A mask of those answers whose quantities are diagnosed after the others."""
-        return np.array([name.startswith(EXPLAINED_LAST) for name in self.names])
 
     @cached_property
     def ids(self) -> list[str]:
