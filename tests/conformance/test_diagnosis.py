@@ -27,9 +27,6 @@ from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues, parse_sum, sum_text
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
-from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
 
 STATE = {
@@ -199,28 +196,6 @@ def test_a_relation_to_right_answers_is_named(
     (diagnosis,) = _changed(pattern, change, store)
     assert [cause for _, cause in diagnosis.causes] == [says]
     assert diagnosis.status == "explained"
-
-
-def test_a_fixed_step_is_recognised_by_its_errors(store: Store) -> None:
-    entries: dict[str, dict[str, ReferenceValue]] = {}
-    for one in store.matching("table1/linear/trajectory/"):
-        if one.name in ("beta@0.5", "gamma@0.5", "v@0.5"):
-            entries.setdefault(one.id.rsplit("/", 1)[0], {})[one.name[:-4]] = one
-    given = {}
-    for answers in entries.values():
-        inputs = next(iter(answers.values())).inputs
-        rates = vector_field(np, PRINTED.constants_in(DOUBLE), float(inputs["Omega"]), "linear")
-        y = np.array([float(inputs[name]) for name in ("beta", "gamma", "v")])
-        for _ in range(500):
-            y = y + 1e-3 * np.array(rates(*y))
-        given |= {
-            answers[name].id: repr(float(x))
-            for name, x in zip(("beta", "gamma", "v"), y, strict=True)
-        }
-    (diagnosis,) = _diagnosed(given, store)
-    assert [says for _, says in diagnosis.causes] == [
-        "the trajectories have the errors of the explicit Euler method at a fixed step of 1 ms"
-    ]
 
 
 @pytest.mark.parametrize("definitions", [LINEAR, SMOOTH], ids=["linear", "smooth"])

@@ -17,8 +17,7 @@ The way from a sheet to its diagnoses:
    right equations, and what people write in place of their parts. `terms` evaluates equations that
    are written as sums of products.
 5. `relations` predicts wrong answers from right ones: a factor, a sign, another question's value.
-6. `step_methods` recognises integrators with a fixed step, at level 6.
-7. `level_diagnosis` has the result: the causes, and how many answers remain unexplained.
+6. `level_diagnosis` has the result: the causes, and how many answers remain unexplained.
 
 A *table* has the answers to the questions of one kind under one friction law. Its *entries* are
 the states, equilibria or cycles that the questions are about. A *quantity* is what is asked about

@@ -34,7 +34,6 @@ from tippedisk_verify.conformance.diagnosis.relations import (
     relation_sentence,
     relations_of,
 )
-from tippedisk_verify.conformance.diagnosis.step_methods import recognise_step_method
 from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues
 from tippedisk_verify.conformance.grading import Grade
@@ -105,9 +104,6 @@ class SheetDiagnosis:
         self.search_equations(tables)
         self.find_relations(tables)
         self.find_lost_digits(tables if level <= _LAST_FORMULA_LEVEL else ())
-        if level == _LAST_FORMULA_LEVEL + 1 and not self.changes:
-            sentences = [recognise_step_method(table) for table in tables]
-            self.causes += [("method", sentence) for sentence in sentences if sentence]
         is_asked_for_both = _LAWS["both"] <= {table.friction for table in tables}
         new_mistakes = [
             (
