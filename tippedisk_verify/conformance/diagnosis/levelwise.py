@@ -20,7 +20,6 @@ from tippedisk_verify.conformance.diagnosis.quantities import (
     PREDICTIONS,
     predicted_answers,
     regression_problems,
-    values_at_entries,
 )
 from tippedisk_verify.conformance.diagnosis.regression import (
     RegressionProblem,
@@ -123,7 +122,9 @@ class SheetDiagnosis:
             unexplained=_count_unexplained(tables),
             no_numbers=len(failed) - wrong,
             where="; ".join(
-                condition_phrase(table, values_at_entries(table)["gamma_y"])
+                condition_phrase(
+                    table, program_with_changes(table.friction, [], table.inputs)["gamma_y"]
+                )
                 for table in tables
                 if table.unexplained.any()
             ),

@@ -29,7 +29,6 @@ __all__ = [
     "Results",
     "predicted_answers",
     "regression_problems",
-    "values_at_entries",
 ]
 
 Results = dict[str, Any]  #: values by the name of the quantity, one to an entry
@@ -79,24 +78,6 @@ _IDENTITIES = {
 # The nodes, and the radius [rad], of the circles on which the slow manifold is differentiated
 _CIRCLE_NODES, _CIRCLE_RADIUS = 16, 0.09
 _ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_CIRCLE_NODES) / _CIRCLE_NODES)
-
-
-def values_at_entries(table: Table, change_set: Iterable[Change] = ()) -> EquationValues:
-    """Return the values of a program's definitions for the inputs of a table's entries.
-
-    Args:
-        table: The table. Its words for the equilibrium and the form become numbers.
-        change_set: The changes of the right equations that the program has.
-    """
-    return EquationValues(
-        program_with_changes(table.friction, change_set).definitions,
-        {
-            **table.inputs,
-            "side": np.where(table.inputs["equilibrium"] == "noninverted", -1.0, 1.0),
-            "consistent": (table.inputs["form"] == "consistent") * 1.0,
-            "pi": np.pi,
-        },
-    )
 
 
 # ---- what definitions predict
@@ -451,7 +432,7 @@ def predicted_answers(
         function: A function from the program's values to the quantities; by default the right
             formulas.
     """
-    values = values_at_entries(table, change_set)
+    values = program_with_changes(table.friction, change_set, table.inputs)
     return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
 
 
@@ -468,7 +449,7 @@ def regression_problems(table: Table, change_set: Iterable[Change]) -> list[Regr
         table: The table.
         change_set: The changes of the equations that the program is known to have.
     """
-    base = values_at_entries(table, change_set)
+    base = program_with_changes(table.friction, change_set, table.inputs)
     base = base.with_inputs(
         **{
             definition: np.where(

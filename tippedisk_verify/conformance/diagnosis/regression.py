@@ -72,10 +72,11 @@ class RegressionProblem(ComparedAnswers):
         """The indices of the answers with which possible mistakes are tried: at most 40 wrong and 8
         right ones.
         """
-        sampled_rows = []
-        for mask, most in ((self.unexplained, _SAMPLES), (~self.unexplained, _RIGHT_SAMPLES)):
-            rows = np.flatnonzero(mask)
-            sampled_rows.append(rows[:: max(1, len(rows) // most)][:most])
+        wrong, right = np.flatnonzero(self.unexplained), np.flatnonzero(~self.unexplained)
+        sampled_rows = [
+            rows[:: max(1, len(rows) // most)][:most]
+            for rows, most in ((wrong, _SAMPLES), (right, _RIGHT_SAMPLES))
+        ]
         return np.sort(np.concatenate(sampled_rows))
 
     @cached_property
@@ -116,7 +117,7 @@ def with_changes(values: EquationValues, change_set: Iterable[Change]) -> Equati
 
 
 def program_with_changes(
-    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
+    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any]
 ) -> EquationValues:
     """Return the equations of a program with mistakes, ready for evaluation.
 
@@ -127,8 +128,8 @@ def program_with_changes(
         change_set: The changes.
         inputs: Values by name, each in place of the definition of that name.
     """
-    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {})
-    return with_changes(right.with_inputs(**(inputs or {})), change_set)
+    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {"pi": np.pi})
+    return with_changes(right.with_inputs(**inputs), change_set)
 
 
 class Search:

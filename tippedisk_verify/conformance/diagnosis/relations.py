@@ -268,7 +268,7 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
     for name in (*SYMBOLS, "Omega", *STATE_NAMES):
         sort = "parameter" if name in SYMBOLS else "input"
         values[f"the {sort} {name}"] = table.inputs[name][table.rows]
-    order = np.array([float(place.get("order", "nan")) for place in table.places])
+    order = table.order
     values["epsilon^n"] = values["the parameter epsilon"] ** order
     values["n!"] = np.array([math.gamma(n + 1) for n in order])
     so_far = 0 * order

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -61,37 +60,23 @@ class Table(ComparedAnswers):
     """The answers of a sheet to the questions of one kind under one friction law, with their
     truths.
 
-    ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
-    element to an answer. The arrays in ``inputs`` have one element to an entry.
+    The arrays in ``inputs`` have one element to an entry. All other arrays and lists but
+    ``entries`` have one element to an answer.
     """
 
     kind: str
     level: int
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
-    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``
+    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``, which the numbers
+    #: ``side`` and ``consistent`` stand for in equations
     inputs: Mapping[str, Any]
+    ids: list[str]
     names: Array  #: the quantity with its place, such as ``h_3`` or ``beta@0.5``
+    quantity_names: Array  #: the quantity without its place, such as beta for ``beta@0.5``
+    order: Array  #: the order on the slow manifold; NaN for other kinds
     rows: Array  #: the index of the answer's entry in ``entries``
     scale: Array  #: the size relative to which digits are counted
-
-    @cached_property
-    def quantity_names(self) -> Array:
-        """The plain name of the quantity of each answer, such as beta for ``beta@0.5``."""
-        return np.array([split_name(name, self.kind)[0] for name in self.names])
-
-    @cached_property
-    def places(self) -> list[dict[str, str]]:
-        """The place of each answer, as its quantity's name contains it: a time, the number of a
-        crossing, or an order, by words.
-        """
-        return [split_name(name, self.kind)[1] for name in self.names]
-
-    @cached_property
-    def ids(self) -> list[str]:
-        return [
-            f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)
-        ]
 
     def matched_values(self, results: Mapping[str, Any]) -> Array:
         """Return the computed value for each answer of this table; NaN where there is none.
@@ -143,16 +128,18 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
 
 
 def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
-    first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
-    entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
-    inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]
-    inputs_by_symbol: dict[str, Any] = {
-        x: np.array([float(one.get(x, "nan")) for one in inputs])
+    first, names = some[0][0], np.array([quantity.name for quantity, _ in some])
+    questions = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in some}
+    entries = tuple(questions)
+    texts = [{**store.parameters[one.set], **one.inputs} for one in questions.values()]
+    inputs: dict[str, Any] = {
+        x: np.array([float(one.get(x, "nan")) for one in texts])
         for x in (*SYMBOLS, *_NUMERIC_INPUTS)
     }
-    inputs_by_symbol |= {
-        word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")
-    }
+    for word in ("equilibrium", "form"):
+        inputs[word] = np.array([one.get(word, "") for one in texts])
+    inputs["side"] = np.where(inputs["equilibrium"] == "noninverted", -1.0, 1.0)
+    inputs["consistent"] = (inputs["form"] == "consistent") * 1.0
     cells = [
         (
             float(as_decimal(grade.answer)),
@@ -163,15 +150,18 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
         for quantity, grade in some
     ]
     answer, truths, scale, needs = np.array(cells).reshape(-1, 4).T
-    rows = np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some])
+    plain_names, places = zip(*(split_name(name, first.kind) for name in names), strict=True)
     return Table(
-        kind=some[0][0].kind,
-        level=some[0][0].level,
-        friction=some[0][0].friction,
+        kind=first.kind,
+        level=first.level,
+        friction=first.friction,
         entries=entries,
-        inputs=inputs_by_symbol,
-        names=np.array([quantity.name for quantity, _ in some]),
-        rows=rows,
+        inputs=inputs,
+        ids=[quantity.id for quantity, _ in some],
+        names=names,
+        quantity_names=np.array(plain_names),
+        order=np.array([float(place.get("order", "nan")) for place in places]),
+        rows=np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some]),
         answer=answer,
         truth=truths,
         allowed=scale * 10.0**-needs,
