@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import Change
-from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
 from tippedisk_verify.conformance.diagnosis.quantities import (
     MISTAKEN_PREDICTIONS,
     PREDICTIONS,
@@ -35,10 +35,10 @@ from tippedisk_verify.conformance.diagnosis.relations import (
 )
 from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues
-from tippedisk_verify.conformance.grading import Grade
-from tippedisk_verify.reference_values.store import Store
+from tippedisk_verify.conformance.grading import LEVEL_NAMES, Grade
+from tippedisk_verify.reference_values.store import Store, is_optional
 
-__all__ = ["SheetDiagnosis"]
+__all__ = ["Diagnosis", "SheetDiagnosis"]
 
 # Changes that may be evaluated for a sheet, which takes about two seconds
 _MAX_CHANGES_EVALUATED = 25_000
@@ -59,8 +59,97 @@ _LAWS = {
     "linear": frozenset({"linear"}),
     "smooth": frozenset({"smooth"}),
 }
+Causes = list[tuple[str, str]]  #: causes of wrong answers, each as its sort and its sentence
 #: Changes of the equations, each with the friction laws that have it
 ChangesByLaw = dict[Change, frozenset[str]]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """The failed answers to the questions of one level, with their causes as far as
+    they are known.
+    """
+
+    level: int
+    failed: tuple[Grade, ...]
+    #: The causes, which act together, each as its sort and its sentence; () if none is known
+    causes: tuple[tuple[str, str], ...]
+    #: The number of failed answers that follow from mistakes named at earlier levels
+    follows: int
+    unexplained: int
+    no_numbers: int  #: the number of failed answers that are not finite; no mistake predicts them
+    where: str = ""  #: the unexplained answers, by quantity and condition
+    #: True if unexplained answers may follow from mistakes named at earlier levels
+    may_follow: bool = False
+
+    def _parts_of_ids(self, place: int) -> list[str]:
+        """Return the parameter sets (place 0) or the friction laws (1) of the failed answers."""
+        return sorted({grade.id.split("/")[place] for grade in self.failed})
+
+    @property
+    def too_few_digits(self) -> int:
+        """The number of failed answers that are right but have too few digits."""
+        return sum(grade.verdict == "few-digits" for grade in self.failed)
+
+    @property
+    def status(self) -> str:
+        """One word: explained, partly, unexplained, follows or may-follow from earlier levels, or
+        no-numbers.
+        """
+        if self.unexplained:
+            return (
+                "partly"
+                if self.causes or self.follows
+                else "may-follow"
+                if self.may_follow
+                else "unexplained"
+            )
+        return "explained" if self.causes else "follows" if self.follows else "no-numbers"
+
+    def summary(self) -> str:
+        """Return the diagnosis of one level in one line of text: the failures, their causes, and
+        what is unexplained.
+        """
+        sets, frictions = self._parts_of_ids(0), self._parts_of_ids(1)
+        laws = f"{frictions[0]} friction" if frictions in (["linear"], ["smooth"]) else "both laws"
+        text = f"level {self.level}, {LEVEL_NAMES[self.level]} ({' and '.join(sets)}, {laws}): "
+        counts = (
+            (len(self.failed) - self.too_few_digits, "wrong"),
+            (self.too_few_digits, "with too few digits only"),
+        )
+        text += ", ".join(f"{count} {how}" for count, how in counts if count)
+        if any(is_optional(grade.id) for grade in self.failed):
+            text += " (with optional answers)"
+        if self.no_numbers:
+            text += f", {self.no_numbers} of them not finite"
+        if len(self.causes) > 1:
+            text += "; likely causes, together: " + "; ".join(
+                f"({n}) {sentence}" for n, (_, sentence) in enumerate(self.causes, 1)
+            )
+        elif self.causes:
+            text += f"; likely cause: {self.causes[0][1]}"
+        if self.follows:
+            text += f"; {self.follows} follow from what is named at earlier levels"
+        if self.unexplained and self.may_follow:
+            text += f"; {self.unexplained} unexplained that may follow from what is named at earlier levels"
+        elif self.unexplained:
+            text += f"; {self.unexplained} unexplained" + (f" ({self.where})" if self.where else "")
+        return text
+
+    def to_dict(self) -> dict[str, Any]:
+        return {
+            "level": self.level,
+            "sets": self._parts_of_ids(0),
+            "frictions": self._parts_of_ids(1),
+            "failed": len(self.failed),
+            "too_few_digits": self.too_few_digits,
+            "no_numbers": self.no_numbers,
+            "status": self.status,
+            "causes": [{"name": name, "cause": sentence} for name, sentence in self.causes],
+            "follows": self.follows,
+            "unexplained": self.unexplained,
+            "where": self.where,
+        }
 
 
 class SheetDiagnosis:
@@ -82,7 +171,6 @@ class SheetDiagnosis:
         self.truths = {one.id: one.for_doubles for one in store.values() if one.level in levels}
         self.advance, self.search = advance, Search(_MAX_CHANGES_EVALUATED)
         self.changes: ChangesByLaw = {}
-        self.causes: list[tuple[str, str]] = []  #: of the level that is diagnosed
 
     def diagnose_level(self, level: int, grades: Sequence[Grade]) -> Diagnosis:
         """Diagnose the wrong answers of one level, and keep the mistakes found for the later
@@ -96,13 +184,17 @@ class SheetDiagnosis:
             grades: The grades of the sheet, of all levels.
         """
         tables = [table for table in self.tables if table.level == level]
-        wrong, earlier, self.causes = _count_unexplained(tables), dict(self.changes), []
+        wrong, earlier = _count_unexplained(tables), dict(self.changes)
         self.find_consequences(tables)
         follows = wrong - _count_unexplained(tables)
-        self.find_relations(tables, whole=True)
-        self.search_equations(tables)
-        self.find_relations(tables)
-        self.find_lost_digits(tables if level <= _LAST_FORMULA_LEVEL else ())
+        trial = [replace(table, unexplained=table.unexplained.copy()) for table in tables]
+        causes = self.find_relations(trial)
+        if not _count_unexplained(trial):
+            tables = trial
+        else:
+            self.search_equations(tables)
+            causes = self.find_relations(tables)
+            causes += self.find_lost_digits(tables if level <= _LAST_FORMULA_LEVEL else ())
         is_asked_for_both = _LAWS["both"] <= {table.friction for table in tables}
         new_mistakes = [
             (
@@ -117,17 +209,11 @@ class SheetDiagnosis:
         return Diagnosis(
             level,
             failed,
-            causes=(*new_mistakes, *dict.fromkeys(self.causes)),
+            causes=(*new_mistakes, *causes),
             follows=follows,
             unexplained=_count_unexplained(tables),
             no_numbers=len(failed) - wrong,
-            where="; ".join(
-                condition_phrase(
-                    table, program_with_changes(table.friction, [], table.inputs)["gamma_y"]
-                )
-                for table in tables
-                if table.unexplained.any()
-            ),
+            where="; ".join(condition_phrase(table) for table in tables if table.unexplained.any()),
             may_follow=bool(earlier) and level > 1,
         )
 
@@ -253,14 +339,17 @@ class SheetDiagnosis:
         return choices
 
     # ---- digits and relations
-    def find_lost_digits(self, tables: Sequence[Table]) -> None:
+    def find_lost_digits(self, tables: Sequence[Table]) -> Causes:
         """Mark as explained the quantities whose answers lack only their last digits.
 
         They are compared with a program that has all mistakes found so far. Their relative errors
-        are small, and too many of their answers fail. The number of right digits becomes a cause.
+        are small, and too many of their answers fail.
 
         Args:
             tables: The tables of a level.
+
+        Returns:
+            The numbers of right digits, as causes.
         """
         lost: dict[tuple[int, str], list[str]] = {}
         for table in (table for table in tables if table.unexplained.any()):
@@ -279,10 +368,10 @@ class SheetDiagnosis:
                     )
                     lost.setdefault((int(-np.log10(middle)), why), []).append(f"{quantity}{law}")
                     table.unexplained[mine] = False
-        for (digits, why), names in sorted(lost.items()):
-            self.causes.append(
-                ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {why}")
-            )
+        return [
+            ("digits", f"some {digits} digits of {', '.join(sorted(names))} are right: {why}")
+            for (digits, why), names in sorted(lost.items())
+        ]
 
     def expected(self, table: Table) -> Array:
         """Return the answers to a table's questions that follow from the mistakes found so far.
@@ -295,24 +384,25 @@ class SheetDiagnosis:
         predicted = predicted_answers(table, known)
         return np.where(np.isfinite(predicted), predicted, table.truth)
 
-    def find_relations(self, tables: Sequence[Table], whole: bool = False) -> None:
+    def find_relations(self, tables: Sequence[Table]) -> Causes:
         """Mark as explained the quantities whose wrong answers have a simple relation to right
         values, such as the wrong sign.
 
-        The values that follow from the mistakes found so far are taken for the right ones. Each
-        relation found becomes a cause. A relation of many quantities comes before one of few.
+        The values that follow from the mistakes found so far are taken for the right ones. A
+        relation of many quantities comes before one of few.
 
         Args:
             tables: The tables of a level.
-            whole: True to undo everything if a wrong answer remains unexplained.
+
+        Returns:
+            The relations, as causes.
         """
-        causes, before = list(self.causes), [table.unexplained.copy() for table in tables]
         wrong_tables = [
             replace(table, truth=self.expected(table))
             for table in tables
             if table.unexplained.any()
         ]
-        truths, groups = dict(self.truths), dict[str, list[Relation]]()
+        truths, groups, causes = dict(self.truths), dict[str, list[Relation]](), Causes()
         for table in wrong_tables:
             truths.update(zip(table.ids, table.truth.tolist(), strict=True))
         for table in wrong_tables:
@@ -338,7 +428,7 @@ class SheetDiagnosis:
             ]
             if not new or (len(new) < 2 and re.search(r"order|\^n|n!", sentence)):
                 continue  # one order alone proves nothing
-            self.causes.append(
+            causes.append(
                 (
                     "relation",
                     relation_sentence(
@@ -350,10 +440,7 @@ class SheetDiagnosis:
             )
             for relation in new:
                 relation.table.unexplained[relation.answers] = False
-        if whole and _count_unexplained(tables):
-            self.causes = causes
-            for table, mask in zip(tables, before, strict=True):
-                table.unexplained[:] = mask
+        return causes
 
 
 def _changes_under_law(changes: ChangesByLaw, law: str) -> list[Change]:

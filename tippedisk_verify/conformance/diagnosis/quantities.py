@@ -8,7 +8,7 @@ counts as explained.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -38,6 +38,7 @@ _RATES = (
     *("h_1", "h_2", "h_3", "h_4", "h_5", "h", "lambda_Ty", "v_rate"),
 )
 _DERIVATIVES = ("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
+_LINEARISED_ENTRIES = ("d(gamma_rate)/d(beta)", *_DERIVATIVES)
 # The definitions of the quantities, in the order of the equations
 _DEFINITIONS: dict[str, dict[str, str]] = {
     "rhs": {name: name for name in (*_RATES, *_DERIVATIVES)},
@@ -96,11 +97,15 @@ def predict_results(kind: str, values: EquationValues) -> Results:
     }
 
 
-def linearised_matrices(values: EquationValues, **place: Any) -> Array:
+def linearised_matrices(
+    values: EquationValues, entries: Sequence[str] = _LINEARISED_ENTRIES, **place: Any
+) -> Array:
     """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
 
     Args:
         values: The definitions with the inputs of the entries.
+        entries: The definitions of the derivative of gamma' by beta, and of those of v' by beta,
+            gamma and v.
         place: The state and the speed by symbol, as numbers or as text. By default they are the
             entry's equilibrium and speed.
     """
@@ -108,22 +113,11 @@ def linearised_matrices(values: EquationValues, **place: Any) -> Array:
     at = values.at_inputs(
         **{x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
     )
-    return _assemble_matrices(
-        at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values
-    )
-
-
-def _assemble_matrices(gamma_slope: Any, last_row: list[Any], values: EquationValues) -> Array:
-    """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
-
-    Args:
-        gamma_slope: The derivative of gamma' by beta.
-        last_row: The derivatives of v' by beta, gamma and v.
-        values: The definitions with the inputs of the entries.
-    """
     matrices = np.zeros((len(values.inputs["r"]), 3, 3))
-    matrices[:, 0, 2], matrices[:, 1, 0] = 1.0, gamma_slope
-    matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = last_row
+    matrices[:, 0, 2] = 1.0
+    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = (
+        at[name] for name in entries
+    )
     return matrices
 
 
@@ -333,9 +327,7 @@ PREDICTIONS: dict[str, tuple[Callable[[EquationValues], Results], ...]] = {
     **{kind: (partial(predict_results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
         lambda values: _spectrum(
-            _assemble_matrices(
-                values["Omega"], [values[name] for name in _DEFINITIONS["equilibrium"]], values
-            )
+            linearised_matrices(values, ("Omega", *_DEFINITIONS["equilibrium"]))
         ),
         lambda values: _spectrum(linearised_matrices(values)),
     ),

@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 from typing import Any
 
 import numpy as np
@@ -204,9 +204,8 @@ class Search:
                     effects.program.with_substitutions(first.substitutions),
                     effects.unchanged_names,
                 )
-                for size, highest in ((1, 2), (2, 1)):
-                    for rest in after.cancelling_sets(size, highest):
-                        yield (first, *rest)
+                for rest in chain(after.cancelling_sets(1, 2), after.cancelling_sets(2, 1)):
+                    yield (first, *rest)
 
 
 class _Effects:
@@ -234,8 +233,7 @@ class _Effects:
             - self.identity_value(values)
         )
         self.residual = self.identity_value(values) / allowed_residual
-        names = values.inputs_of(self.identity) - {"answer", self.identity}
-        self.names = names - unchanged_names
+        self.names = values.inputs_of(self.identity) - {"answer", self.identity} - unchanged_names
         # Random weights: effects are compared by their weighted sums over the sample
         self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
         groups: dict[str, tuple[Array, list[Change]]] = {}
@@ -349,8 +347,5 @@ class _Effects:
         """
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
-        pairs = zip(-along, self.changes, strict=True)
-        likely = [pair for pair in pairs if pair[0] < -_MIN_SQUARED_COSINE and pair[1].rank < 2]
-        return [
-            change for _, change in sorted(likely, key=lambda pair: pair[0])[:_MAX_FIRST_CHANGES]
-        ]
+        order = [n for n in np.argsort(-along, kind="stable") if along[n] > _MIN_SQUARED_COSINE]
+        return [self.changes[n] for n in order if self.changes[n].rank < 2][:_MAX_FIRST_CHANGES]

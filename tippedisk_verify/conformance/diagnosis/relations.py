@@ -10,11 +10,12 @@ import math
 import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from itertools import chain
+from itertools import chain, product
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from tippedisk_verify.conformance.diagnosis.regression import program_with_changes
 from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -30,6 +31,7 @@ _MIN_EVIDENCE_DIGITS = 6.0
 _MIN_SEPARATION = 1e-4
 _MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _MIN_WRONG_SHARE = 0.9  # the least share of wrong answers among those that satisfy a condition
+_SIGNS = {"<": -1, "=": 0, ">": 1}
 _PI = math.pi
 _ArrayFunction = Callable[[Array], Array]
 _FACTORS = {
@@ -255,19 +257,19 @@ def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]
         table: The answers.
         truths: The right values by id.
     """
-    values = {}
     names = list(zip(table.ids, table.quantity_names, table.names, strict=True))
-    for name in np.unique(table.quantity_names).tolist():
-        values[name] = _right_values(
+    values = {
+        name: _right_values(
             truths,
             [
                 id_.removesuffix(full) + name + full.removeprefix(quantity)
                 for id_, quantity, full in names
             ],
         )
-    for name in (*SYMBOLS, "Omega", *STATE_NAMES):
-        sort = "parameter" if name in SYMBOLS else "input"
-        values[f"the {sort} {name}"] = table.inputs[name][table.rows]
+        for name in np.unique(table.quantity_names).tolist()
+    }
+    for sort, symbols in {"parameter": SYMBOLS, "input": ("Omega", *STATE_NAMES)}.items():
+        values |= {f"the {sort} {x}": table.inputs[x][table.rows] for x in symbols}
     order = table.order
     values["epsilon^n"] = values["the parameter epsilon"] ** order
     values["n!"] = np.array([math.gamma(n + 1) for n in order])
@@ -334,31 +336,29 @@ def relations_of(
     return relations
 
 
-def _conditions(
-    table: Table, signed: Mapping[str, Array] | None = None
-) -> Iterator[tuple[str, Array]]:
+def _conditions(table: Table) -> Iterator[tuple[str, Array]]:
     """Yield conditions on questions, each as words and the mask of the answers that satisfy it.
 
     The first one has no words, and all answers satisfy it.
-
-    Args:
-        table: The answers.
-        signed: Numbers by name, one to an entry, whose signs become conditions.
     """
-    yield "", np.ones_like(table.unexplained)
-    words = {name: table.inputs[name] for name in ("equilibrium", "form")}
+    inputs = table.inputs
+    words = {name: inputs[name] for name in ("equilibrium", "form")}
     words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
+    signed = {
+        "v": inputs["v"],
+        "cos(beta)": np.cos(inputs["beta"]),
+        "gamma_y": program_with_changes(table.friction, (), inputs)["gamma_y"],
+        "cos(gamma)": np.cos(inputs["gamma"]),
+    }
+    yield "", np.ones_like(table.unexplained)
     for name, values in words.items():
-        picked = np.unique(values[table.rows][table.unexplained])
-        if len(picked) == 1 and (values != picked[0]).any():
-            yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
-    for name, values in (signed or {}).items():
-        sign = np.sign(values + 0 * table.inputs["r"])[table.rows]
-        for symbol, side in (("<", -1), ("=", 0), (">", 1)):
-            yield f" where {name} {symbol} 0", sign == side
+        for value in np.unique(values):
+            yield f" for the {name} {value}", (values == value)[table.rows]
+    for (name, values), (symbol, sign) in product(signed.items(), _SIGNS.items()):
+        yield f" where {name} {symbol} 0", (np.sign(values) == sign)[table.rows]
 
 
-def condition_phrase(table: Table, gamma_y: Array) -> str:
+def condition_phrase(table: Table) -> str:
     """Return the names of the quantities with unexplained answers, and a condition if there is one.
 
     Outside the condition, no answer to these quantities is unexplained. Inside it, most of them
@@ -366,19 +366,12 @@ def condition_phrase(table: Table, gamma_y: Array) -> str:
 
     Args:
         table: The answers.
-        gamma_y: The sliding velocity of each entry.
     """
     quantities = np.unique(table.quantity_names[table.unexplained])
-    same, inputs = np.isin(table.quantity_names, quantities), table.inputs
+    same = np.isin(table.quantity_names, quantities)
     names = ", ".join(quantities[:6]) + (", ..." if len(quantities) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
-    signed = {
-        "v": inputs["v"],
-        "cos(beta)": np.cos(inputs["beta"]),
-        "gamma_y": gamma_y,
-        "cos(gamma)": np.cos(inputs["gamma"]),
-    }
-    for text, mask in _conditions(table, signed):
+    for text, mask in _conditions(table):
         inside, outside = table.unexplained[mask & same], table.unexplained[~mask & same]
         if (
             len(outside) > _MIN_RELATED_ANSWERS

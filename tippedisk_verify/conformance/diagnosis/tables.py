@@ -84,11 +84,13 @@ class Table(ComparedAnswers):
         Args:
             results: The computed values by the names of the quantities, one value to an entry.
         """
-        values_of_answers = np.full(len(self.names), np.nan)
-        for name in np.unique(self.names):
-            values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
-            values_of_answers[self.names == name] = values[self.rows[self.names == name]]
-        return values_of_answers
+        columns = {
+            name: np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
+            for name in np.unique(self.names)
+        }
+        return np.array(
+            [columns[name][row] for name, row in zip(self.names, self.rows, strict=True)]
+        )
 
     def column(self, name: str) -> ComparedAnswers:
         """Return the answers to one quantity, one element to an entry.
