@@ -244,7 +244,7 @@ class SheetDiagnosis:
         Args:
             tables: The tables of the answers.
         """
-        posed = self.posed_problems(tables) if _count_unexplained(tables) else []
+        posed = self.posed_problems(tables)
         for n in range(len(posed)):
             problem, table = posed[n], posed[n].table
             if problem.unexplained.any():
