@@ -188,6 +188,18 @@ def test_fewer_answers_than_unknowns_name_nothing(store: Store) -> None:
             lambda q: round(q.for_doubles, 2) if q.name[:5] == "beta@" else q.for_doubles,
             "beta is rounded to 2 decimals",
         ),
+        (
+            "table1/linear/limit-cycle/",
+            lambda q: float(f"{q.for_doubles:.3g}"),
+            "all answers are rounded to 3 significant digits",
+        ),
+        (
+            "table1/both/rhs/",
+            lambda q: (
+                -q.for_doubles if q.name == "h" and float(q.inputs["v"]) < 0 else q.for_doubles
+            ),
+            "h has the wrong sign where v < 0",
+        ),
     ],
 )
 def test_a_relation_to_right_answers_is_named(
