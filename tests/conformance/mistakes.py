@@ -203,6 +203,13 @@ FORMULA_MISTAKES: dict[str, Mistake] = {
         "jacobian(p, Omega, smooth, [HALF_PI if gamma > 0 else 3 * HALF_PI, HALF_PI, 0.0])",
         r"taken at \(3 pi/2, pi/2, 0\)",
     ),
+    "equilibrium-formula": Mistake(
+        "    values = np.linalg.eigvals(jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0]))",
+        "    J = jacobian(p, Omega, smooth, [HALF_PI, gamma, 0.0])\n"
+        "    J[2, 0] += 2 * Omega**2\n"
+        "    values = np.linalg.eigvals(J)",
+        r"A_31: the sign of -Omega\^2",
+    ),
     "hopf-speed": Mistake(
         "m * g * (r + e) ** 2 / (Bbar * r)",
         "m * g * (r + e) / Bbar",

@@ -10,15 +10,14 @@ The way from a sheet to its diagnoses:
 
 1. `tables` puts the graded answers into arrays, one table for each kind and friction law.
 2. `levelwise` goes through the levels, easiest first, and keeps the mistakes that it finds. At each
-   level it applies the following steps, and separates mistakes from their consequences.
+   level it applies the following steps, and separates mistakes from their consequences. The result
+   is a `Diagnosis`: the causes, and how many answers remain unexplained.
 3. `quantities` defines the quantities of levels 1 to 5, and computes the answers that a program
    with known mistakes would give.
 4. `regression` finds the fewest changes that give the answers to a quantity. `dictionary` has the
    right equations, and what people write in place of their parts. `terms` evaluates equations that
    are written as sums of products.
 5. `relations` predicts wrong answers from right ones: a factor, a sign, another question's value.
-6. `step_methods` recognises integrators with a fixed step, at level 6.
-7. `level_diagnosis` has the result: the causes, and how many answers remain unexplained.
 
 A *table* has the answers to the questions of one kind under one friction law. Its *entries* are
 the states, equilibria or cycles that the questions are about. A *quantity* is what is asked about
@@ -33,8 +32,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from tippedisk_verify.conformance.diagnosis.level_diagnosis import Diagnosis
-from tippedisk_verify.conformance.diagnosis.levelwise import SheetDiagnosis
+from tippedisk_verify.conformance.diagnosis.levelwise import Diagnosis, SheetDiagnosis
 from tippedisk_verify.conformance.diagnosis.tables import tables_of
 from tippedisk_verify.conformance.grading import Grade
 from tippedisk_verify.reference_values.store import Store

@@ -12,7 +12,8 @@ missing term, a wrong power, a missing factor, and an additional factor.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+import re
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import combinations
@@ -381,12 +382,12 @@ _EXTRA_NUMBERS = {
 # Sums whose parts are likelier to be wrong than the sums
 _COMPOSITE_SUMS = ("recursion", "residual")
 # Factors by which a whole sum may be multiplied by mistake.
-_SUM_FACTORS = {
-    "the wrong sign": Term(-1.0, ()),
-    "the factor 2": Term(2.0, ()),
-    "the factor 1/2": Term(0.5, ()),
-    **{f"the factor {name}": Term(1.0, ((name, 1),)) for name in ("M", "Omega", "epsilon", "m")},
-    **{f"the factor 1/{name}": Term(1.0, ((name, -1),)) for name in ("M", "Omega", "epsilon", "m")},
+_SUM_FACTORS: dict[str, tuple[float, str, int]] = {
+    "the wrong sign": (-1.0, "", 1),
+    "the factor 2": (2.0, "", 1),
+    "the factor 1/2": (0.5, "", 1),
+    **{f"the factor {name}": (1.0, name, 1) for name in ("M", "Omega", "epsilon", "m")},
+    **{f"the factor 1/{name}": (1.0, name, -1) for name in ("M", "Omega", "epsilon", "m")},
 }
 # Symbols that stand for sums, which may be wrong in one place only
 _SHARED_SUMS = ("Bbar", "rho", "inertia")
@@ -421,6 +422,17 @@ class Change:
         )
 
 
+_UNUSUAL = re.compile("ten|hundred|thousand")  # what sentences about unlikely inputs contain
+_INPUT_CHANGES = [
+    Change(
+        tuple((name, None, parse_sum(text)) for name, text in new_definitions.items()),
+        sentence if "vector" in sentence else f"the inputs: {sentence}",
+        3 if _UNUSUAL.search(sentence) else 2,
+    )
+    for sentence, new_definitions in INPUTS.items()
+]
+
+
 def changes(values: EquationValues, names: Iterable[str]) -> list[Change]:
     """Return all possible mistakes in some definitions and inputs of the equations, as single
     changes, each once.
@@ -435,25 +447,13 @@ def changes(values: EquationValues, names: Iterable[str]) -> list[Change]:
     unique: dict[tuple[Substitution, ...], Change] = {}
     for change in (
         *(change for name in sorted(names) for change in _definition_changes(name, values)),
-        *(
-            _input_change(sentence, new_definitions)
-            for sentence, new_definitions in INPUTS.items()
-            if names & new_definitions.keys()
-        ),
+        *(change for change in _INPUT_CHANGES if names & {x for x, *_ in change.substitutions}),
     ):
         new = {x for *_, terms in change.substitutions for term in terms for x, _ in term.factors}
         changed = {name for name, *_ in change.substitutions}
         if not any(changed & values.inputs_of(factor) for factor in new):
             unique.setdefault(change.substitutions, change)
     return list(unique.values())
-
-
-def _input_change(sentence: str, new_definitions: Mapping[str, str]) -> Change:
-    substitutions = tuple((name, None, parse_sum(text)) for name, text in new_definitions.items())
-    unusual = any(word in sentence for word in ("ten", "hundred", "thousand"))
-    return Change(
-        substitutions, sentence if "vector" in sentence else f"the inputs: {sentence}", 2 + unusual
-    )
 
 
 def _definition_changes(name: str, values: EquationValues) -> Iterator[Change]:
@@ -476,7 +476,7 @@ def _definition_changes(name: str, values: EquationValues) -> Iterator[Change]:
             yield Change(((name, n, new),), f"in {name}: {sentence}", rank + late)
     for text, factor in _SUM_FACTORS.items() if is_sum and name[0] != "(" else ():
         yield Change(
-            tuple((name, n, (term.times_term(factor),)) for n, term in enumerate(terms)),
+            tuple((name, n, (term.times(*factor),)) for n, term in enumerate(terms)),
             f"{name} has {text}",
             1,
         )

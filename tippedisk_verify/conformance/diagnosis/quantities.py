@@ -8,7 +8,7 @@ counts as explained.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -29,7 +29,6 @@ __all__ = [
     "Results",
     "predicted_answers",
     "regression_problems",
-    "values_at_entries",
 ]
 
 Results = dict[str, Any]  #: values by the name of the quantity, one to an entry
@@ -39,7 +38,8 @@ _RATES = (
     *("h_1", "h_2", "h_3", "h_4", "h_5", "h", "lambda_Ty", "v_rate"),
 )
 _DERIVATIVES = ("dv_rate_dbeta", "dv_rate_dgamma", "dv_rate_dv")
-# The definitions of the quantities that are searched, in the order of the equations
+_LINEARISED_ENTRIES = ("d(gamma_rate)/d(beta)", *_DERIVATIVES)
+# The definitions of the quantities, in the order of the equations
 _DEFINITIONS: dict[str, dict[str, str]] = {
     "rhs": {name: name for name in (*_RATES, *_DERIVATIVES)},
     "equilibrium": {name: name for name in ("A_31", "A_32", "A_33")},
@@ -72,10 +72,6 @@ _REPLACED_BY_ANSWERS = {
 # other quantities the identity is the answer minus the definition.
 _IDENTITIES = {
     "v_rate": "M answer - force",
-    **{
-        f"dv_rate_d{x}": f"M answer + d(M)/d({x}) answered_rate - d(force)/d({x})"
-        for x in STATE_NAMES
-    },
     "amplitude": "(r + e) denominator answer^2 + 4 e excess",
     "frequency": "answer^2 - frequency_squared",
     "h_next": "drag answer - recursion",
@@ -83,24 +79,6 @@ _IDENTITIES = {
 # The nodes, and the radius [rad], of the circles on which the slow manifold is differentiated
 _CIRCLE_NODES, _CIRCLE_RADIUS = 16, 0.09
 _ROOTS_OF_UNITY = np.exp(2j * np.pi * np.arange(_CIRCLE_NODES) / _CIRCLE_NODES)
-
-
-def values_at_entries(table: Table, change_set: Iterable[Change] = ()) -> EquationValues:
-    """Return the values of a program's definitions for the inputs of a table's entries.
-
-    Args:
-        table: The table. Its words for the equilibrium and the form become numbers.
-        change_set: The changes of the right equations that the program has.
-    """
-    return EquationValues(
-        program_with_changes(table.friction, change_set).definitions,
-        {
-            **table.inputs,
-            "side": np.where(table.inputs["equilibrium"] == "noninverted", -1.0, 1.0),
-            "consistent": (table.inputs["form"] == "consistent") * 1.0,
-            "pi": np.pi,
-        },
-    )
 
 
 # ---- what definitions predict
@@ -119,11 +97,15 @@ def predict_results(kind: str, values: EquationValues) -> Results:
     }
 
 
-def linearised_matrices(values: EquationValues, **place: Any) -> Array:
+def linearised_matrices(
+    values: EquationValues, entries: Sequence[str] = _LINEARISED_ENTRIES, **place: Any
+) -> Array:
     """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
 
     Args:
         values: The definitions with the inputs of the entries.
+        entries: The definitions of the derivative of gamma' by beta, and of those of v' by beta,
+            gamma and v.
         place: The state and the speed by symbol, as numbers or as text. By default they are the
             entry's equilibrium and speed.
     """
@@ -131,22 +113,11 @@ def linearised_matrices(values: EquationValues, **place: Any) -> Array:
     at = values.at_inputs(
         **{x: values[f"({at})"] if isinstance(at, str) else at for x, at in place.items()}
     )
-    return _assemble_matrices(
-        at["d(gamma_rate)/d(beta)"], [at[name] for name in _DERIVATIVES], values
+    matrices = np.zeros((len(values.inputs["r"]), 3, 3))
+    matrices[:, 0, 2] = 1.0
+    matrices[:, 1, 0], matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = (
+        at[name] for name in entries
     )
-
-
-def _assemble_matrices(gamma_slope: Any, last_row: list[Any], values: EquationValues) -> Array:
-    """Return the matrices of the linearised equations, as an array of shape (entries, 3, 3).
-
-    Args:
-        gamma_slope: The derivative of gamma' by beta.
-        last_row: The derivatives of v' by beta, gamma and v.
-        values: The definitions with the inputs of the entries.
-    """
-    matrices = np.zeros((len(values["r"]), 3, 3))
-    matrices[:, 0, 2], matrices[:, 1, 0] = 1.0, gamma_slope
-    matrices[:, 2, 0], matrices[:, 2, 1], matrices[:, 2, 2] = last_row
     return matrices
 
 
@@ -188,7 +159,7 @@ def hopf_inputs(values: EquationValues) -> dict[str, dict[str, Array]]:
     Args:
         values: The definitions with the inputs of the entries.
     """
-    speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values["r"])
+    speed = np.sqrt(values["hopf_speed"] ** 2 + 0 * values.inputs["r"])
     j = linearised_matrices(values, Omega=speed)
     omega = np.sqrt(-j[:, 2, 0])
     q = np.array([1j * omega, j[:, 1, 0], -(omega**2)])
@@ -356,9 +327,7 @@ PREDICTIONS: dict[str, tuple[Callable[[EquationValues], Results], ...]] = {
     **{kind: (partial(predict_results, kind),) for kind in _DEFINITIONS},
     "equilibrium": (
         lambda values: _spectrum(
-            _assemble_matrices(
-                values["Omega"], [values[name] for name in _DEFINITIONS["equilibrium"]], values
-            )
+            linearised_matrices(values, ("Omega", *_DEFINITIONS["equilibrium"]))
         ),
         lambda values: _spectrum(linearised_matrices(values)),
     ),
@@ -455,7 +424,7 @@ def predicted_answers(
         function: A function from the program's values to the quantities; by default the right
             formulas.
     """
-    values = values_at_entries(table, change_set)
+    values = program_with_changes(table.friction, change_set, table.inputs)
     return table.matched_values((function or PREDICTIONS[table.kind][0])(values))
 
 
@@ -465,13 +434,14 @@ def regression_problems(table: Table, change_set: Iterable[Change]) -> list[Regr
 
     A problem has the answers to one quantity and its definition. The problems are in the order of
     the equations. Where a definition depends on other quantities, the program's own answers to them
-    are used, so that a mistake in them is not counted twice.
+    are used, so that a mistake in them is not counted twice. Derivatives of v' are no problems: wrong
+    ones follow from the equations, or from how they are computed.
 
     Args:
         table: The table.
         change_set: The changes of the equations that the program is known to have.
     """
-    base = values_at_entries(table, change_set)
+    base = program_with_changes(table.friction, change_set, table.inputs)
     base = base.with_inputs(
         **{
             definition: np.where(
@@ -486,7 +456,7 @@ def regression_problems(table: Table, change_set: Iterable[Change]) -> list[Regr
         _answered_matrix_entries(table, base["Omega"]) if table.kind == "equilibrium" else {}
     )
     problems = []
-    for name, definition in _DEFINITIONS[table.kind].items():
+    for name, definition in _DEFINITIONS.get(table.kind, {}).items():
         answers = matrix_entries.get(name) or table.column(name)
         rows = np.flatnonzero(np.isfinite(answers.answer))
         inputs = {**base.inputs, **parts.get(name, {})}
@@ -496,13 +466,16 @@ def regression_problems(table: Table, change_set: Iterable[Change]) -> list[Regr
                 answers.truth[rows],
                 answers.allowed[rows],
                 answers.unexplained[rows],
+                table,
                 name,
                 definition,
                 _IDENTITIES.get(definition, f"answer - {definition}"),
                 {key: x[rows] if np.ndim(x) else x for key, x in inputs.items()},
             )
         ]
-    return [problem for problem in problems if problem.answer.size]
+    return [
+        problem for problem in problems if problem.answer.size and problem.name not in _DERIVATIVES
+    ]
 
 
 def _answered_matrix_entries(table: Table, omega: Array) -> dict[str, ComparedAnswers]:

@@ -15,14 +15,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from itertools import combinations, islice
+from itertools import chain, combinations, islice
 from typing import Any
 
 import numpy as np
 
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH, Change, changes
-from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers
-from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term, parse_sum
+from tippedisk_verify.conformance.diagnosis.tables import Array, ComparedAnswers, Table
+from tippedisk_verify.conformance.diagnosis.terms import EquationValues, Term
 from tippedisk_verify.model.parameters import SYMBOLS
 
 __all__ = ["RegressionProblem", "Search", "likelihood_sort_key", "program_with_changes"]
@@ -50,6 +50,7 @@ class RegressionProblem(ComparedAnswers):
     answers satisfy.
     """
 
+    table: Table
     name: str
     definition: str
     identity: str  #: a sum that vanishes for right answers, which it contains as ``answer``
@@ -71,10 +72,11 @@ class RegressionProblem(ComparedAnswers):
         """The indices of the answers with which possible mistakes are tried: at most 40 wrong and 8
         right ones.
         """
-        sampled_rows = []
-        for mask, most in ((self.unexplained, _SAMPLES), (~self.unexplained, _RIGHT_SAMPLES)):
-            rows = np.flatnonzero(mask)
-            sampled_rows.append(rows[:: max(1, len(rows) // most)][:most])
+        wrong, right = np.flatnonzero(self.unexplained), np.flatnonzero(~self.unexplained)
+        sampled_rows = [
+            rows[:: max(1, len(rows) // most)][:most]
+            for rows, most in ((wrong, _SAMPLES), (right, _RIGHT_SAMPLES))
+        ]
         return np.sort(np.concatenate(sampled_rows))
 
     @cached_property
@@ -109,13 +111,13 @@ def with_changes(values: EquationValues, change_set: Iterable[Change]) -> Equati
         values: The program to be changed; it stays as it is.
         change_set: The changes.
     """
-    for change in change_set:
-        values = values.with_substitutions(change.substitutions)
-    return values
+    return values.with_substitutions(
+        [part for change in change_set for part in change.substitutions]
+    )
 
 
 def program_with_changes(
-    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any] | None = None
+    law: str, change_set: Iterable[Change], inputs: Mapping[str, Any]
 ) -> EquationValues:
     """Return the equations of a program with mistakes, ready for evaluation.
 
@@ -126,8 +128,8 @@ def program_with_changes(
         change_set: The changes.
         inputs: Values by name, each in place of the definition of that name.
     """
-    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {})
-    return with_changes(right.with_inputs(**(inputs or {})), change_set)
+    right = EquationValues(SMOOTH if law == "smooth" else LINEAR, {"pi": np.pi})
+    return with_changes(right.with_inputs(**inputs), change_set)
 
 
 class Search:
@@ -202,9 +204,8 @@ class Search:
                     effects.program.with_substitutions(first.substitutions),
                     effects.unchanged_names,
                 )
-                for size, highest in ((1, 2), (2, 1)):
-                    for rest in after.cancelling_sets(size, highest):
-                        yield (first, *rest)
+                for rest in chain(after.cancelling_sets(1, 2), after.cancelling_sets(2, 1)):
+                    yield (first, *rest)
 
 
 class _Effects:
@@ -223,7 +224,7 @@ class _Effects:
         self, problem: RegressionProblem, program: EquationValues, unchanged_names: frozenset[str]
     ) -> None:
         self.problem, self.program, self.unchanged_names = problem, program, unchanged_names
-        self.identity, rows = parse_sum(problem.identity), problem.sample
+        self.identity, rows = f"({problem.identity})", problem.sample
         given = {name: x[rows] if np.ndim(x) else x for name, x in program.inputs.items()}
         answer, allowed = problem.answer[rows], problem.allowed[rows]
         self.values = values = program.at_inputs(**given, answer=answer)
@@ -232,7 +233,7 @@ class _Effects:
             - self.identity_value(values)
         )
         self.residual = self.identity_value(values) / allowed_residual
-        self.names = values.total(self.identity)[1] - {"answer"} - unchanged_names
+        self.names = values.inputs_of(self.identity) - {"answer", self.identity} - unchanged_names
         # Random weights: effects are compared by their weighted sums over the sample
         self.weights = np.random.default_rng(5).normal(size=len(rows)) / len(rows)
         groups: dict[str, tuple[Array, list[Change]]] = {}
@@ -265,7 +266,7 @@ class _Effects:
         Args:
             values: The program with the inputs and the answers of the sample.
         """
-        return np.real(values.total(self.identity)[0] + 0 * values.inputs["answer"])
+        return np.real(values[self.identity] + 0 * values.inputs["answer"])
 
     def cancelling_sets(self, size: int, highest: int) -> Iterator[ChangeSet]:
         """Yield the sets of changes whose effects on the answers' residual cancel it, the likeliest
@@ -293,13 +294,14 @@ class _Effects:
         high = np.searchsorted(weighted_effects[order], missing_effect + tolerance, side="right")
         if (high - low).sum() > _MAX_SIMILAR_SETS:
             return
-        sets: dict[tuple[int, ...], ChangeSet] = {}
-        for group in np.flatnonzero(high > low).tolist():
-            for last in order[low[group] : high[group]].tolist():
-                members = tuple(likely[n] for n in sorted({*groups[group].tolist(), last}))
-                if len(members) == size and self.cancels_residual(members):
-                    sets[members] = tuple(self.changes[n] for n in members)
-        yield from sorted(sets.values(), key=likelihood_sort_key)
+        members = {
+            tuple(sorted({*groups[group].tolist(), last}))
+            for group in np.flatnonzero(high > low).tolist()
+            for last in order[low[group] : high[group]].tolist()
+        }
+        sets = [tuple(likely[n] for n in one) for one in sorted(members) if len(one) == size]
+        cancelling = [[self.changes[n] for n in one] for one in sets if self.cancels_residual(one)]
+        yield from map(tuple, sorted(cancelling, key=likelihood_sort_key))
 
     def cancels_residual(self, members: tuple[int, ...]) -> bool:
         """Return True if the effects of changes add up to minus the residual, except for rounding.
@@ -345,8 +347,5 @@ class _Effects:
         """
         size = (self.effects**2).sum(axis=1) * float(self.residual @ self.residual)
         along = np.nan_to_num((self.effects @ self.residual) ** 2 / size)
-        pairs = zip(-along, self.changes, strict=True)
-        likely = [pair for pair in pairs if pair[0] < -_MIN_SQUARED_COSINE and pair[1].rank < 2]
-        return [
-            change for _, change in sorted(likely, key=lambda pair: pair[0])[:_MAX_FIRST_CHANGES]
-        ]
+        order = [n for n in np.argsort(-along, kind="stable") if along[n] > _MIN_SQUARED_COSINE]
+        return [self.changes[n] for n in order if self.changes[n].rank < 2][:_MAX_FIRST_CHANGES]

@@ -11,10 +11,11 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from itertools import chain, product
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from tippedisk_verify.conformance.diagnosis.regression import program_with_changes
 from tippedisk_verify.conformance.diagnosis.tables import Array, Table
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
@@ -30,6 +31,7 @@ _MIN_EVIDENCE_DIGITS = 6.0
 _MIN_SEPARATION = 1e-4
 _MIN_ALL_ANSWERS = 3  # the least number of quantities that are called "all answers"
 _MIN_WRONG_SHARE = 0.9  # the least share of wrong answers among those that satisfy a condition
+_SIGNS = {"<": -1, "=": 0, ">": 1}
 _PI = math.pi
 _ArrayFunction = Callable[[Array], Array]
 _FACTORS = {
@@ -58,6 +60,23 @@ _FACTORS |= {
     f"1/({text})" if " " in text else f"1/{text}": 1 / factor for text, factor in _FACTORS.items()
 }
 _FACTORS |= {f"-{text}": -factor for text, factor in _FACTORS.items()}
+# Functions that round or truncate, by the rest of the sentence
+_ROUNDINGS: dict[str, Any] = {
+    **{
+        f"rounded to {n} decimal{'s' * (n > 1)}": partial(np.round, decimals=n)
+        for n in range(1, 13)
+    },
+    **{
+        f"rounded to {n} significant digit{'s' * (n > 1)}": lambda x, form=f".{n - 1}e": np.array(
+            [float(format(one, form)) for one in x]
+        )
+        for n in range(1, 13)
+    },
+    **{
+        f"truncated to {n} decimal{'s' * (n > 1)}": lambda x, u=10.0**n: np.trunc(x * u) / u
+        for n in range(1, 13)
+    },
+}
 _TENS = {f"10^{k}": 10.0**k for k in range(-12, 13) if k not in (0, 3, -3)}
 _OFFSETS = {"pi/2": _PI / 2, "pi": _PI, "2 pi": 2 * _PI, "1": 1.0}
 # Functions of the right value, by rank and sentence
@@ -71,6 +90,7 @@ _FUNCTIONS_OF_ONE_VALUE: dict[float, dict[str, _ArrayFunction]] = {
         "is rounded to single precision": lambda x: x.astype("f4").astype("f8"),
         "is rounded to half precision": lambda x: x.astype("f2").astype("f8"),
         **{f"has the factor {text}": partial(np.multiply, x) for text, x in _FACTORS.items()},
+        **{f"is {text}": function for text, function in _ROUNDINGS.items()},
     },
     2: {
         **{f"is {text} too large": partial(np.add, x) for text, x in _OFFSETS.items()},
@@ -131,12 +151,12 @@ _FUNCTIONS_OF_TWO_VALUES: dict[str, Callable[[Array, Array], Array]] = {
     "is 2 pi divided by {y}": lambda x, y: 2 * _PI / y,
     "is half of {y} too large": lambda x, y: x + y / 2,
 }
-# Lists of questions, each with the pattern by which an id contains the place in the list
+# Lists of questions, each with the pattern of the place in the list, in an id
 _QUESTION_LISTS = {
-    "entry": r"/([^/]+)/[^/]+$",
-    "sample in time": r"@([^/@]+)$",
-    "crossing": r"#(\d+)$",
-    "order": r"/(?:h|residual)_(\d+)$",
+    "entry": r"[^/]+(?=/[^/]+$)",
+    "sample in time": r"(?<=@)[^/@]+$",
+    "crossing": r"(?<=#)\d+$",
+    "order": r"(?<=/h_)\d+$|(?<=/residual_)\d+$",
 }
 # Functions from the places of such a list to the places whose values stand there; "" for none
 _REORDERINGS: dict[str, Callable[[list[str]], list[str]]] = {
@@ -191,7 +211,6 @@ def _predictions(table: Table, truths: Mapping[str, float]) -> Iterator[Predicti
             enumerate(_FUNCTIONS_OF_TWO_VALUES.items()) if np.isfinite(y).any() else ()
         ):
             yield 4 if n else 2, f"{{q}} {text.replace('{y}', name)}", of_two(x, y)
-    yield from _rounded_answers(table)
 
 
 def _exchanged_questions(table: Table) -> Iterator[tuple[float, str, list[str]]]:
@@ -202,109 +221,68 @@ def _exchanged_questions(table: Table) -> Iterator[tuple[float, str, list[str]]]
     """
     for one, two in _EXCHANGEABLE_WORDS:
         what = "law" if one == "linear" else f"{two}/{one}"
-        yield (
-            2.5,
-            f"{{q}} has the values of the other {what}",
-            _ids_with_exchanged_words(table, one, two),
-        )
+        pattern = rf"(?<=/)({one}|{two})(?=[-/])"  # not in the parameter set
+        ids = _ids_with_exchanged_words(table, pattern, {one: two, two: one})
+        yield 2.5, f"{{q}} has the values of the other {what}", ids
     for what, pattern in _QUESTION_LISTS.items():
-        matches = [re.search(pattern, id_) for id_ in table.ids]
-        places = list(dict.fromkeys(match[1] for match in matches if match))
+        matches = (re.search(pattern, id_) for id_ in table.ids)
+        places = list(dict.fromkeys(match[0] for match in matches if match))
         if what != "entry":
             places.sort(key=float)
         for text, moved in _REORDERINGS.items() if places else ():
             others = dict(zip(places, moved(places), strict=False))
-            yield (
-                3,
-                f"{{q}} has the values of {text} {what}",
-                [_with_word_replaced(match, others) if match else "" for match in matches],
-            )
+            ids = _ids_with_exchanged_words(table, pattern, others)
+            yield 3, f"{{q}} has the values of {text} {what}", ids
 
 
-def _with_word_replaced(match: re.Match[str], others: Mapping[str, str]) -> str:
-    """Return the text that a regular expression has matched, with the word of its group 1 replaced.
+def _ids_with_exchanged_words(table: Table, pattern: str, others: Mapping[str, str]) -> list[str]:
+    """Return the ids of a table's answers with other words in the place of those that a pattern
+    finds.
 
     Args:
-        match: The match.
+        table: The answers.
+        pattern: The regular expression.
         others: The new words by the old ones; a word that is missing is removed.
     """
-    start, end = match.span(1)
-    return match.string[:start] + others.get(match[1], "") + match.string[end:]
-
-
-def _ids_with_exchanged_words(table: Table, one: str, two: str) -> list[str]:
-    """Return the ids of a table's answers with two words exchanged, except in the parameter set."""
-    pattern, other = re.compile(rf"(?<=/)({one}|{two})(?=[-/])"), {one: two, two: one}
-    return [pattern.sub(lambda match: other[match[0]], id_) for id_ in table.ids]
+    return [re.sub(pattern, lambda match: others.get(match[0], ""), id_) for id_ in table.ids]
 
 
 def _other_values(table: Table, truths: Mapping[str, float]) -> dict[str, Array]:
     """Return the values to which answers may be related, by name, one value to an answer.
 
     They are the right values of the entry's other quantities, the entry's inputs and parameters,
-    and powers, factorials and sums of the answer's order.
+    and a power, a factorial and a sum that depend on the answer's order.
 
     Args:
         table: The answers.
         truths: The right values by id.
     """
-    values = {}
     names = list(zip(table.ids, table.quantity_names, table.names, strict=True))
-    for name in np.unique(table.quantity_names).tolist():
-        values[name] = _right_values(
+    values = {
+        name: _right_values(
             truths,
             [
                 id_.removesuffix(full) + name + full.removeprefix(quantity)
                 for id_, quantity, full in names
             ],
         )
-    for name in (*SYMBOLS, "Omega", *STATE_NAMES):
-        sort = "parameter" if name in SYMBOLS else "input"
-        values[f"the {sort} {name}"] = table.inputs[name][table.rows]
-    if "period" in values:
-        values["the angular frequency"] = 2 * _PI / values["period"]
-    order = np.array([float(place.get("order", "nan")) for place in table.places])
+        for name in np.unique(table.quantity_names).tolist()
+    }
+    for sort, symbols in {"parameter": SYMBOLS, "input": ("Omega", *STATE_NAMES)}.items():
+        values |= {f"the {sort} {x}": table.inputs[x][table.rows] for x in symbols}
+    order = table.order
     values["epsilon^n"] = values["the parameter epsilon"] ** order
     values["n!"] = np.array([math.gamma(n + 1) for n in order])
-    sums = [0 * order, 0 * order]
+    so_far = 0 * order
     for k in range(int(np.nanmax(order, initial=-1)) + 1):
         term = _right_values(truths, [re.sub(r"\d+$", str(k), id_) for id_ in table.ids])
-        for n, share in enumerate((1.0, values["the parameter epsilon"] ** k)):
-            sums[n] = sums[n] + np.where(order >= k, share * term, 0.0)
-    (
-        values["the sum of all orders so far"],
-        values["the sum of epsilon^k times all orders so far"],
-    ) = sums
+        so_far += np.where(order >= k, values["the parameter epsilon"] ** k * term, 0.0)
+    values["the sum of epsilon^k times all orders so far"] = so_far
     return values
 
 
 def _right_values(truths: Mapping[str, float], ids: list[str]) -> Array:
     return np.array([truths.get(id_, np.nan) for id_ in ids])
-
-
-def _rounded_answers(table: Table) -> Iterator[Prediction]:
-    """Yield the answers that would be given if right values were rounded or truncated.
-
-    Rounded and truncated answers are multiples of a decimal unit. They lie within half a unit
-    (rounded) or one unit (truncated) of the right value. Elsewhere the prediction is the right
-    value.
-
-    Args:
-        table: The answers.
-    """
-    x, answer = table.truth, table.answer
-    size = np.floor(np.log10(np.where(x == 0, 1.0, np.abs(x)))) + 1
-    away = np.abs(answer - x) - table.allowed
-    shorter = np.abs(answer) <= np.abs(x) + table.allowed
-    for digits, (word, share) in product(
-        range(1, 13), {"decimal": 0, "significant digit": 1}.items()
-    ):
-        unit = 10.0 ** (size * share - digits)
-        whole = np.abs(answer - unit * np.round(answer / unit)) < 1e-6 * unit + 1e-15 * np.abs(x)
-        words, rank = f"{digits} {word}{'s' if digits > 1 else ''}", 1 + digits / 100 + share / 1000
-        rounded, truncated = away < 0.5001 * unit, (away < 1.0001 * unit) & shorter
-        yield rank, f"{{q}} is rounded to {words}", np.where(whole & rounded, answer, x)
-        yield rank + 1, f"{{q}} is truncated to {words}", np.where(whole & truncated, answer, x)
 
 
 @np.errstate(all="ignore")
@@ -358,31 +336,29 @@ def relations_of(
     return relations
 
 
-def _conditions(
-    table: Table, signed: Mapping[str, Array] | None = None
-) -> Iterator[tuple[str, Array]]:
+def _conditions(table: Table) -> Iterator[tuple[str, Array]]:
     """Yield conditions on questions, each as words and the mask of the answers that satisfy it.
 
     The first one has no words, and all answers satisfy it.
-
-    Args:
-        table: The answers.
-        signed: Numbers by name, one to an entry, whose signs become conditions.
     """
-    yield "", np.ones_like(table.unexplained)
-    words = {name: table.inputs[name] for name in ("equilibrium", "form")}
+    inputs = table.inputs
+    words = {name: inputs[name] for name in ("equilibrium", "form")}
     words["set"] = np.array([entry.split("/")[0] for entry in table.entries])
+    signed = {
+        "v": inputs["v"],
+        "cos(beta)": np.cos(inputs["beta"]),
+        "gamma_y": program_with_changes(table.friction, (), inputs)["gamma_y"],
+        "cos(gamma)": np.cos(inputs["gamma"]),
+    }
+    yield "", np.ones_like(table.unexplained)
     for name, values in words.items():
-        picked = np.unique(values[table.rows][table.unexplained])
-        if len(picked) == 1 and (values != picked[0]).any():
-            yield f" for the {name} {picked[0]}", values[table.rows] == picked[0]
-    for name, values in (signed or {}).items():
-        sign = np.sign(values + 0 * table.inputs["r"])[table.rows]
-        for symbol, side in (("<", -1), ("=", 0), (">", 1)):
-            yield f" where {name} {symbol} 0", sign == side
+        for value in np.unique(values):
+            yield f" for the {name} {value}", (values == value)[table.rows]
+    for (name, values), (symbol, sign) in product(signed.items(), _SIGNS.items()):
+        yield f" where {name} {symbol} 0", (np.sign(values) == sign)[table.rows]
 
 
-def condition_phrase(table: Table, gamma_y: Array) -> str:
+def condition_phrase(table: Table) -> str:
     """Return the names of the quantities with unexplained answers, and a condition if there is one.
 
     Outside the condition, no answer to these quantities is unexplained. Inside it, most of them
@@ -390,19 +366,12 @@ def condition_phrase(table: Table, gamma_y: Array) -> str:
 
     Args:
         table: The answers.
-        gamma_y: The sliding velocity of each entry.
     """
     quantities = np.unique(table.quantity_names[table.unexplained])
-    same, inputs = np.isin(table.quantity_names, quantities), table.inputs
+    same = np.isin(table.quantity_names, quantities)
     names = ", ".join(quantities[:6]) + (", ..." if len(quantities) > 6 else "")
     names += f" ({table.friction})" if table.friction != "both" else ""
-    signed = {
-        "v": inputs["v"],
-        "cos(beta)": np.cos(inputs["beta"]),
-        "gamma_y": gamma_y,
-        "cos(gamma)": np.cos(inputs["gamma"]),
-    }
-    for text, mask in _conditions(table, signed):
+    for text, mask in _conditions(table):
         inside, outside = table.unexplained[mask & same], table.unexplained[~mask & same]
         if (
             len(outside) > _MIN_RELATED_ANSWERS

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from decimal import Decimal
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,13 +17,11 @@ from tippedisk_verify.numbers.decimals import decimal_arithmetic
 from tippedisk_verify.reference_values.grading_rules import scale_of, split_name
 from tippedisk_verify.reference_values.store import ReferenceValue, Store
 
-__all__ = ["EXPLAINED_LAST", "Array", "ComparedAnswers", "Table", "tables_of"]
+__all__ = ["Array", "ComparedAnswers", "Table", "tables_of"]
 
 Array = np.ndarray[Any, Any]
 # A prediction must be closer to a wrong answer than the truth is by this factor.
 _PREDICTION_FACTOR = 10.0
-#: How the names of quantities begin that are explained last: derivatives of v', and residuals
-EXPLAINED_LAST = ("dv_rate", "residual")
 _VERDICTS_WITHOUT_NUMBER = ("no-truth", "not-a-number", "unreadable")
 
 
@@ -63,42 +60,23 @@ class Table(ComparedAnswers):
     """The answers of a sheet to the questions of one kind under one friction law, with their
     truths.
 
-    ``answer``, ``truth``, ``allowed``, ``unexplained``, ``names``, ``rows`` and ``scale`` have one
-    element to an answer. The arrays in ``inputs`` have one element to an entry.
+    The arrays in ``inputs`` have one element to an entry. All other arrays and lists but
+    ``entries`` have one element to an answer.
     """
 
     kind: str
     level: int
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
-    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``
+    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``, which the numbers
+    #: ``side`` and ``consistent`` stand for in equations
     inputs: Mapping[str, Any]
+    ids: list[str]
     names: Array  #: the quantity with its place, such as ``h_3`` or ``beta@0.5``
+    quantity_names: Array  #: the quantity without its place, such as beta for ``beta@0.5``
+    order: Array  #: the order on the slow manifold; NaN for other kinds
     rows: Array  #: the index of the answer's entry in ``entries``
     scale: Array  #: the size relative to which digits are counted
-
-    @cached_property
-    def quantity_names(self) -> Array:
-        """The plain name of the quantity of each answer, such as beta for ``beta@0.5``."""
-        return np.array([split_name(name, self.kind)[0] for name in self.names])
-
-    @cached_property
-    def places(self) -> list[dict[str, str]]:
-        """The place of each answer, as its quantity's name contains it: a time, the number of a
-        crossing, or an order, by words.
-        """
-        return [split_name(name, self.kind)[1] for name in self.names]
-
-    @cached_property
-    def explained_last(self) -> Array:
-        """A mask of those answers whose quantities are diagnosed after the others."""
-        return np.array([name.startswith(EXPLAINED_LAST) for name in self.names])
-
-    @cached_property
-    def ids(self) -> list[str]:
-        return [
-            f"{self.entries[row]}/{name}" for row, name in zip(self.rows, self.names, strict=True)
-        ]
 
     def matched_values(self, results: Mapping[str, Any]) -> Array:
         """Return the computed value for each answer of this table; NaN where there is none.
@@ -106,11 +84,13 @@ class Table(ComparedAnswers):
         Args:
             results: The computed values by the names of the quantities, one value to an entry.
         """
-        values_of_answers = np.full(len(self.names), np.nan)
-        for name in np.unique(self.names):
-            values = np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
-            values_of_answers[self.names == name] = values[self.rows[self.names == name]]
-        return values_of_answers
+        columns = {
+            name: np.real(results.get(name, np.nan)) + np.zeros(len(self.entries))
+            for name in np.unique(self.names)
+        }
+        return np.array(
+            [columns[name][row] for name, row in zip(self.names, self.rows, strict=True)]
+        )
 
     def column(self, name: str) -> ComparedAnswers:
         """Return the answers to one quantity, one element to an entry.
@@ -150,16 +130,18 @@ def tables_of(grades: Iterable[Grade], store: Store) -> list[Table]:
 
 
 def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
-    first = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in reversed(some)}
-    entries = tuple(dict.fromkeys(quantity.id.rsplit("/", 1)[0] for quantity, _ in some))
-    inputs = [{**store.parameters[first[entry].set], **first[entry].inputs} for entry in entries]
-    inputs_by_symbol: dict[str, Any] = {
-        x: np.array([float(one.get(x, "nan")) for one in inputs])
+    first, names = some[0][0], np.array([quantity.name for quantity, _ in some])
+    questions = {quantity.id.rsplit("/", 1)[0]: quantity for quantity, _ in some}
+    entries = tuple(questions)
+    texts = [{**store.parameters[one.set], **one.inputs} for one in questions.values()]
+    inputs: dict[str, Any] = {
+        x: np.array([float(one.get(x, "nan")) for one in texts])
         for x in (*SYMBOLS, *_NUMERIC_INPUTS)
     }
-    inputs_by_symbol |= {
-        word: np.array([one.get(word, "") for one in inputs]) for word in ("equilibrium", "form")
-    }
+    for word in ("equilibrium", "form"):
+        inputs[word] = np.array([one.get(word, "") for one in texts])
+    inputs["side"] = np.where(inputs["equilibrium"] == "noninverted", -1.0, 1.0)
+    inputs["consistent"] = (inputs["form"] == "consistent") * 1.0
     cells = [
         (
             float(as_decimal(grade.answer)),
@@ -170,15 +152,18 @@ def _table(some: Sequence[tuple[ReferenceValue, Grade]], store: Store) -> Table:
         for quantity, grade in some
     ]
     answer, truths, scale, needs = np.array(cells).reshape(-1, 4).T
-    rows = np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some])
+    plain_names, places = zip(*(split_name(name, first.kind) for name in names), strict=True)
     return Table(
-        kind=some[0][0].kind,
-        level=some[0][0].level,
-        friction=some[0][0].friction,
+        kind=first.kind,
+        level=first.level,
+        friction=first.friction,
         entries=entries,
-        inputs=inputs_by_symbol,
-        names=np.array([quantity.name for quantity, _ in some]),
-        rows=rows,
+        inputs=inputs,
+        ids=[quantity.id for quantity, _ in some],
+        names=names,
+        quantity_names=np.array(plain_names),
+        order=np.array([float(place.get("order", "nan")) for place in places]),
+        rows=np.array([entries.index(quantity.id.rsplit("/", 1)[0]) for quantity, _ in some]),
         answer=answer,
         truth=truths,
         allowed=scale * 10.0**-needs,

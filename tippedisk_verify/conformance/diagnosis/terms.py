@@ -9,6 +9,7 @@ else in its place. Inputs may be numbers or arrays, real or complex.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -51,23 +52,20 @@ class Term(NamedTuple):
             above = [number, *above]
         return "-" * (self.number < 0) + " / ".join([" ".join(above), *below])
 
-    def times_term(self, other: Term) -> Term:
-        """Return the product of this term and another one; factors of power 0 vanish."""
-        powers = dict[str, int]()
-        for name, power in (*self.factors, *other.factors):
-            powers[name] = powers.get(name, 0) + power
-        kept = (item for item in powers.items() if item[0] not in _UNIT_FACTORS and item[1])
-        return Term(self.number * other.number, tuple(kept))
-
     def times(self, number: float, name: str = "", power: int = 1) -> Term:
-        """Return the product of this term, a number, and a power of a factor.
+        """Return the product of this term, a number, and a power of a factor. Factors of power 0
+        vanish.
 
         Args:
             number: The number.
             name: The factor; "" for none.
             power: The power of the factor.
         """
-        return self.times_term(Term(number, ((name, power),)))
+        powers = dict[str, int]()
+        for factor, own_power in (*self.factors, (name, power)):
+            powers[factor] = powers.get(factor, 0) + own_power
+        kept = (item for item in powers.items() if item[0] not in _UNIT_FACTORS and item[1])
+        return Term(self.number * number, tuple(kept))
 
     def with_factor_replaced(self, old: str, new: str, power: int) -> Term:
         """Return the term with some powers of one factor replaced by as many of another.
@@ -123,7 +121,7 @@ def sum_text(terms: Terms) -> str:
 
 
 FUNCTIONS: dict[str, Callable[[Any], Any]] = {
-    "given": lambda x: x,
+    "": lambda x: x,
     "sin": np.sin,
     "cos": np.cos,
     "tan": np.tan,
@@ -191,19 +189,16 @@ class EquationValues:
 
     def total(self, terms: Terms) -> tuple[Any, frozenset[str]]:
         total: Any = np.float64(0.0)
-        names: frozenset[str] = frozenset()
+        names = frozenset[str]()
         for term in terms:
-            product: Any = term.number
-            for name, power in term.factors:
-                product = product * self[name] ** power if power != 1 else product * self[name]
-                names |= self.computed[name][1]
-            total = total + product
+            factors = (self[name] ** power for name, power in term.factors)
+            total = total + math.prod(factors, start=term.number)
+            names = names.union(*(self.inputs_of(name) for name, _ in term.factors))
         return total, names
 
     def _compute(self, name: str) -> tuple[Any, frozenset[str]]:
-        terms = self.terms_of(name)
-        if terms or name in self.definitions:
-            value, names = self.total(terms)
+        if name in self.definitions:
+            value, names = self.total(self.definitions[name])
         elif name.startswith("given("):
             return self.inputs[name[6:-1]], frozenset([name])
         elif slope := _DERIVATIVE.fullmatch(name):
