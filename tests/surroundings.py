@@ -133,8 +133,6 @@ COMMANDS = (
     "reference show table1/linear/hopf/point/period",
     "nothing",
 )
-#: The properties of each engine.
-_ENGINES = {tv.Taylor: ("builds", "measures_error", "name"), tv.ScipyEngine: ("name",)}
 #: A call of each, or of several by their names. What a result can be asked is asked of a new one,
 #: so that nothing was computed before.
 CALLS: dict[str, Callable[[], Any]] = {
@@ -261,12 +259,8 @@ CALLS: dict[str, Callable[[], Any]] = {
         np.sqrt(tv.Measured.of("2.5", "1e-9")),
     ],
     "Measured.to_dict": lambda: tv.Measured.of("1/3", "1e-9").to_dict(),
-    **{
-        " ".join(f"{kind.__name__}.{name}" for name in names): partial(
-            lambda kind: _asked(kind(), *_ENGINES[kind]), kind
-        )
-        for kind, names in _ENGINES.items()
-    },
+    "Taylor.builds": lambda: tv.Taylor().builds,
+    "ScipyEngine.name": lambda: tv.ScipyEngine().name,
     "Taylor.__call__": lambda: (
         tv.Taylor()(tv.Request(DISK, "30.4", START, 1, error_estimate=True)).state
     ),
