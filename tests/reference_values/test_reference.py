@@ -30,7 +30,12 @@ from tippedisk_verify.reference_values.checking import (
 from tippedisk_verify.reference_values.entries import case_of, disk_in_doubles
 from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
-from tippedisk_verify.reference_values.store import Store, data_folder, load_store, parse_values_csv
+from tippedisk_verify.reference_values.store import (
+    Store,
+    data_folder,
+    load_store,
+    parse_values_csv,
+)
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 SETS = ("table1", "calibrated")
