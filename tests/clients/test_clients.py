@@ -22,7 +22,7 @@ from tippedisk_verify.conformance import client_text
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.grading import Grade, grade_answers
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
-from tippedisk_verify.reference_values.store import Store, load_store
+from tippedisk_verify.reference_values.store import Store
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
 NODE = shutil.which("node")
@@ -49,11 +49,6 @@ FAULTS = (
     "in f_G: -m g r cos(beta) for -m g rho cos(beta)",
     "the inputs: mu = 0.33",
 )
-
-
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
 
 
 @pytest.fixture(scope="module")

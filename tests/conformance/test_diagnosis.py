@@ -50,11 +50,6 @@ PARAMETERS = {
 }
 
 
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
-
-
 def _diagnosed(given: dict[str, str], store: Store) -> list[Diagnosis]:
     return diagnose(
         grade_answers(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store),

@@ -187,14 +187,6 @@ def test_what_is_no_number_is_one_failure(answer: object, says: str) -> None:
 
 def test_what_is_a_number_by_another_name() -> None:
     mine = own_omega_crit()
-    for answer in (
-        np.float64(mine),
-        np.array(mine),
-        np.array([mine]),
-        np.array([[mine]]),
-        np.array([mine], object),
-    ):
-        assert tv.compare(OMEGA_CRIT, answer) == tv.compare(OMEGA_CRIT, mine)
     assert tv.compare(OMEGA_CRIT, f" {mine!r} ".replace("e", "d")) == tv.compare(OMEGA_CRIT, mine)
     with pytest.raises(InputError, match="decimals or doubles"):
         tv.compare(OMEGA_CRIT, 1.0, reading="floats")  # type: ignore[arg-type]
@@ -212,9 +204,6 @@ def test_what_is_a_number_by_another_name() -> None:
         assert tv.compare(OMEGA_CRIT, answer).answer == str(Decimal(mine))
     assert tv.compare(OMEGA_CRIT, tv.reference(OMEGA_CRIT), reading="decimals").verdict == "exact"
     assert tv.compare(OMEGA_CRIT, tv.Disk("table1").omega_crit, reading="decimals").digits > 15
-    for answer in (np.array([np.nan]), math.nan, "nan", "-inf", "1e999999999"):
-        grade = tv.compare(OMEGA_CRIT, answer)
-        assert (grade.verdict, grade.failed) == ("not-a-number", True)
 
 
 @pytest.mark.parametrize(

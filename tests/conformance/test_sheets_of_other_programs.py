@@ -176,9 +176,15 @@ def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
         "sep=|\nid|answer\nID|30.9\n",
         "id;answer;remark, mine\nID;30.9;\n",
         "id\tanswer\ta;b,c\nID\t30.9\t\n",
+        '{"ID": 30.9}',
+        '{"from": "doubles", "ID": 30.9}',
+        '[{"id": "ID", "answer": 30.9}]',
+        f'{{"id": "ID", "answer": 30.9}}\n{{"id": "{PERIOD}", "answer": null}}\n',
+        '\n{"id": "ID", "answer": "30.9"}\n',
     ],
 )
-def test_the_separator_is_the_one_that_the_header_has(text: str, tmp_path: Path) -> None:
+def test_every_form_of_a_sheet_is_read(text: str, tmp_path: Path) -> None:
+    """The separator is the one that the header has; JSON comes as an object, a list or lines."""
     answers = _report(tmp_path / "a.csv", text.replace("ID", CRIT)).answers
     assert answers.by_id == {CRIT: ("doubles", "30.9")}
 

@@ -33,17 +33,11 @@ from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import (
     Store,
     data_folder,
-    load_store,
     parse_values_csv,
 )
 from tippedisk_verify.reference_values.truths import shoot_known_cycle
 
 SETS = ("table1", "calibrated")
-
-
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
 
 
 # ---------------------------------------------------------------------------------------- contents
