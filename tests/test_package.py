@@ -25,8 +25,9 @@ import tippedisk_verify as tv
             {"heyoka", "scipy", "matplotlib"},
         ),
         (["scene", "d", "--json", "--quiet"], {"matplotlib"}),
+        (["certify", "--help"], {"flint"}),
     ],
-    ids=["import", "closed form", "scene without a folder"],
+    ids=["import", "closed form", "scene without a folder", "help of proofs"],
 )
 def test_nothing_heavy_is_loaded_without_need(command: list[str] | None, heavy: set[str]) -> None:
     program = (

@@ -76,19 +76,6 @@ def test_without_python_flint_one_line_says_what_to_install() -> None:
         assert ran.stderr == f"{name}proofs need python-flint: pip install '.[certify]'\n"
 
 
-def test_the_help_loads_no_flint() -> None:
-    program = (
-        "import sys; from tippedisk_verify.cli import main; main(['certify', '--help'])\n"
-        "sys.exit('flint' in sys.modules)"
-    )
-    ran = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, check=False
-    )
-    assert ran.returncode == 0
-    for command in ("orbit", "hopf", "equilibria", "heteroclinic"):
-        assert command in ran.stdout
-
-
 # ------------------------------------------------------------------------------------- closed forms
 # A and Bbar too close: criticality_margin is negative.
 SUBCRITICAL = PRINTED.changed(A="0.2305e-3", B="0.2290e-3")

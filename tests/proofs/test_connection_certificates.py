@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from tests.command_line import answer, assert_refused
+from tests.command_line import answer
 from tests.proofs.cases import ChangeOfContent, proved_connection, replace_entry
 from tests.proofs.saddle_orbits import OMEGA_H
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
@@ -145,11 +145,6 @@ def test_no_tampered_certificate_of_omega_h_is_accepted(share: slice, text: str)
     content["claim"]["beta"] = "0.006"
     with pytest.raises(Unproved, match="digest"):
         verify_content(content)
-
-
-def test_a_place_where_nothing_can_be_written_is_refused(tmp_path) -> None:
-    words = f"certify heteroclinic --certificate {tmp_path / 'no' / 'c.json'}"
-    assert "cannot be written" in assert_refused(words.split())
 
 
 OF_THE_CYCLES: list[tuple[str, ChangeOfContent]] = [

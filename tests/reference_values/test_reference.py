@@ -241,8 +241,6 @@ def test_a_value_by_its_id() -> None:
     assert quantity.unit == "rad/s"
     assert float(quantity) == pytest.approx(30.8866, abs=1e-4)  # a look at the leading digits
     assert (quantity.real, quantity.imag) == (float(quantity), 0)
-    with pytest.raises(InputError, match="did you mean table1/linear/hopf/point/omega_crit"):
-        reference("table1/linear/hopf/point/omega-crit")
     with pytest.raises(InputError, match="no value from doubles"):
         reference("table1/linear/near-heteroclinic/het+1e-30/period").measured("doubles")
 

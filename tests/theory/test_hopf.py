@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from tests.problems import decimals, physical_parameters
 from tests.theory.formal_cycles import formal_cycles
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.theory.equilibria import characteristic_polynomial, equilibrium, linearization
+from tippedisk_verify.theory.equilibria import characteristic_polynomial, linearization
 from tippedisk_verify.theory.hopf import (
     critical_frequency_squared,
     criticality,
@@ -110,20 +110,3 @@ def test_next_to_a_generalized_hopf_point_cancellation_costs_no_digits(distance:
         assert (number - getattr(reference, name) * ratio).holds(0)
         assert number.uncertainty * 10**20 <= abs(number.value)
     assert found.criticality == ("supercritical" if ratio > 0 else "subcritical")
-
-
-@settings(max_examples=25)
-@given(parameters=physical_parameters())
-def test_transversality_against_a_difference(parameters) -> None:
-    """Compare d(Re lambda)/d(Omega) with the cubic's roots on both sides of Omega_crit."""
-    crit = omega_crit(parameters, 60).value
-    step = crit / 10**12
-    ends = []
-    for speed in (crit + step, crit - step):
-        pair = [
-            v for v in equilibrium(parameters, speed, "inverted", 50).eigenvalues if v.im.value != 0
-        ]
-        ends.append(pair[0].re.value)
-    slope = (ends[0] - ends[1]) / (2 * step)
-    # Central difference: relative error of about step^2 / crit^2 times a moderate third derivative.
-    assert abs(slope / hopf_point(parameters, 30).transversality.value - 1) < Fraction(1, 10**15)

@@ -8,7 +8,6 @@ import mpmath
 import pytest
 
 from tests.problems import SETS, paper_rates
-from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -87,9 +86,3 @@ def test_coordinates_of_a_point_come_back() -> None:
     ]
     for found, given in zip(saddle.stable_coordinates(point), (u, s, t), strict=True):
         assert abs(found - given) < ctx.mpf(10) ** -55
-
-
-def test_a_saddle_focus_is_refused() -> None:
-    wide = PRINTED.changed(e="0.03", A="0.9e-3", B="0.8e-3", C=None)
-    with pytest.raises(NoConnectionError, match="saddle-focus"):
-        _ = Saddle(wide, Fraction(30), 100, 5).eigenvalues
