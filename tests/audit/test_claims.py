@@ -6,13 +6,11 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify import PRINTED, Audit, InputError, Measured, Verdict
 from tippedisk_verify.audit.claim_catalogue import GROUPS, select_claims
-from tippedisk_verify.audit.claims import Audit, Finding, Verdict, examine_claim, rounds_to
+from tippedisk_verify.audit.claims import Finding, examine_claim, rounds_to
 from tippedisk_verify.audit.linear_claims import table_box
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.report.results_json import summary, totals_sentence
 
 

@@ -7,14 +7,22 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify import (
+    PRINTED,
+    InputError,
+    Parameters,
+    Request,
+    Result,
+    ScipyEngine,
+    Status,
+    bisect_omega_h,
+    heteroclinic,
+)
 from tippedisk_verify.connection import bisection
-from tippedisk_verify.connection.bisection import bisect_omega_h, follow_unstable_manifold
+from tippedisk_verify.connection.bisection import follow_unstable_manifold
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
-from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.errors import NoConnectionError
+from tippedisk_verify.flow.contract import EventRecord
 
 
 def test_the_unstable_branch_on_both_sides(taylor) -> None:

@@ -8,15 +8,19 @@ from fractions import Fraction
 import pytest
 
 from tests.problems import speed_below
+from tippedisk_verify import (
+    PRINTED,
+    QUADRUPLE,
+    Exact,
+    Request,
+    collocation_cycle,
+    omega_crit,
+    reference,
+)
 from tippedisk_verify.cycles.collocation.collocation_branch import _librating_branch
-from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.exact import Exact, fraction
-from tippedisk_verify.numbers.precision import QUADRUPLE
-from tippedisk_verify.reference_values.lookup import reference
-from tippedisk_verify.theory.hopf import criticality, omega_crit
+from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.theory.hopf import criticality
 
 
 def test_cycles_close_under_the_flow(taylor) -> None:

@@ -7,18 +7,21 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify import (
+    CALIBRATED,
+    PRINTED,
+    Measured,
+    Request,
+    cycle_above_omega_h,
+    heteroclinic,
+    omega_crit,
+    precision_of_bits,
+)
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
-from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import with_uncertainty_of_omega_h
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.cycles.shooting.section import LIBRATING
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import precision_of_bits
-from tippedisk_verify.theory.hopf import omega_crit
 
 
 @pytest.mark.slow(minutes=0.8)

@@ -13,7 +13,19 @@ import numpy
 import pytest
 
 from tests.command_line import answer, printed
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    GEOMETRY,
+    PRINTED,
+    AccuracyError,
+    Disk,
+    InputError,
+    Measured,
+    Parameters,
+    bisect_omega_h,
+    equilibrium,
+    heteroclinic,
+    hopf_point,
+)
 from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_fold
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
@@ -22,15 +34,11 @@ from tippedisk_verify.cycles.families import folds
 from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS
 from tippedisk_verify.cycles.shooting.section import LIBRATING
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.hopf import criticality, hopf_point
+from tippedisk_verify.theory.hopf import criticality
 
 FOLDING = PRINTED.changed(A="0.229e-3")
 # The A of Table 1's disks at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and

@@ -6,14 +6,13 @@ from fractions import Fraction
 
 import numpy
 
+from tippedisk_verify import CALIBRATED, PRINTED, Parameters, hopf_point
 from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.flow import default_batch_engine
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
-from tippedisk_verify.theory.hopf import hopf_point
 
 
 def followed(parameters: Parameters, taylor) -> LibratingFamily:

@@ -8,16 +8,19 @@ from itertools import pairwise
 
 import pytest
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    CALIBRATED,
+    DOUBLE,
+    PRINTED,
+    bisect_omega_h,
+    equilibrium,
+    shoot_limit_cycle,
+)
 from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     cycle_at_half_period,
     cycles_of_rising_period,
 )
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE
-from tippedisk_verify.theory.equilibria import equilibrium
 
 
 def first_of(parameters, taylor):

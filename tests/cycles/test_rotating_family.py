@@ -8,15 +8,13 @@ from fractions import Fraction
 import numpy
 import pytest
 
+from tippedisk_verify import PRINTED, Request, ScipyEngine
 from tippedisk_verify.cycles.branch_cycles import cycles_found, rotating_branch
 from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import GAMMA_BOTTOM, ROTATING
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import PRINTED
 
 _FAR = 1.6  # rad/s above the fold: beyond Omega_crit
 

@@ -10,19 +10,23 @@ from hypothesis import given, settings
 
 from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
-from tippedisk_verify.cycles.collocation.collocation_cycles import (
+from tippedisk_verify import (
+    CALIBRATED,
+    DOUBLE,
+    PRINTED,
+    QUADRUPLE,
+    InputError,
     collocation_cycle,
-    collocation_guess,
+    shoot_limit_cycle,
 )
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_guess
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn, ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting.shoot import shoot, shoot_limit_cycle
-from tippedisk_verify.errors import InputError, NoSuchCycleError
+from tippedisk_verify.cycles.shooting.shoot import shoot
+from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
 ALL = (

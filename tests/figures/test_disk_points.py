@@ -7,10 +7,9 @@ import math
 import numpy
 import pytest
 
+from tippedisk_verify import DOUBLE, PRINTED
 from tippedisk_verify.figures.inversion_figure import disk_points
 from tippedisk_verify.model.equations import equation_terms
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE
 
 _OMEGA = 30.4
 

@@ -8,19 +8,16 @@ from fractions import Fraction
 import numpy
 import pytest
 
+from tippedisk_verify import PRINTED, Audit, Measured, omega_crit, scene_named
 from tippedisk_verify.audit.claim_catalogue import claims_drawn_in
-from tippedisk_verify.audit.claims import Audit
 from tippedisk_verify.figures.eigenvalue_figure import eigenvalue_rows
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.figures.family_figures import law_rows
 from tippedisk_verify.figures.inversion_figure import disk_points
 from tippedisk_verify.figures.scene_figures import last_period
 from tippedisk_verify.figures.style import pyplot
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.motion.scenes import compute_scene, scene_named
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.motion.scenes import compute_scene
 from tippedisk_verify.theory.equilibria import linearization
-from tippedisk_verify.theory.hopf import omega_crit
 
 
 @pytest.mark.parametrize(

@@ -11,13 +11,21 @@ import numpy
 import pytest
 from numpy.polynomial import legendre
 
-from tippedisk_verify.disk import Disk
+from tippedisk_verify import (
+    EXTENDED,
+    PRINTED,
+    QUADRUPLE,
+    Disk,
+    Event,
+    Precision,
+    Request,
+    Taylor,
+    precision_of_bits,
+)
 from tippedisk_verify.flow import defect, half_widths_by_defect
-from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, Event, Request
+from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL
 from tippedisk_verify.flow.defect import Defect
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.numbers.precision import EXTENDED, QUADRUPLE, Precision, precision_of_bits
+from tippedisk_verify.model.parameters import Friction
 
 TRUTH = precision_of_bits(200)
 LAWS: tuple[Friction, ...] = ("linear", "smooth")

@@ -9,13 +9,24 @@ import numpy
 import pytest
 
 from tests.problems import STARTS, held
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, Request, Status
-from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS, ScipyEngine
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.numbers.exact import exact, fraction
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    QUADRUPLE,
+    Event,
+    InputError,
+    Parameters,
+    Request,
+    ScipyEngine,
+    Status,
+    Taylor,
+    exact,
+    precision_of_bits,
+)
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION
+from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS
+from tippedisk_verify.numbers.exact import fraction
 
 ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 

@@ -11,18 +11,21 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import compiled_runners
-from tippedisk_verify.flow.contract import (
-    SECTION,
-    SLIDING_REVERSAL,
+from tippedisk_verify import (
+    CALIBRATED,
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    QUADRUPLE,
     Event,
     Request,
     Status,
-    raise_unless_usable,
+    Taylor,
+    precision_of_bits,
 )
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Friction
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
+from tippedisk_verify.flow import compiled_runners
+from tippedisk_verify.flow.contract import SECTION, SLIDING_REVERSAL, raise_unless_usable
+from tippedisk_verify.model.parameters import Friction
 
 
 def test_the_factored_form_is_small() -> None:

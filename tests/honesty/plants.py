@@ -14,9 +14,8 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify import Measured, Parameters
 from tippedisk_verify.flow.contract import ErrorEstimate
-from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.measured import Measured
 
 __all__ = ["PLANTS", "planted"]
 

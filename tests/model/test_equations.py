@@ -15,11 +15,10 @@ from mpmath import mp
 from tests.friction_laws import OWN_LAWS
 from tests.model import transcription as paper
 from tests.problems import decimals, physical_parameters, states
+from tippedisk_verify import DOUBLE, PRINTED, FrictionLaw, precision_of_bits
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.model.friction import LAWS, law_of
 from tippedisk_verify.numbers.exact import rational_in_context
-from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 
 CTX = precision_of_bits(200).context
 

@@ -15,11 +15,16 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.friction_laws import ARCTAN, OWN_LAWS, STRIBECK, TANH
-from tippedisk_verify.audit.claims import Audit
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.friction import LAWS, FrictionLaw, law_of
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, precision_of_bits
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    Audit,
+    FrictionLaw,
+    InputError,
+    Taylor,
+    precision_of_bits,
+)
+from tippedisk_verify.model.friction import LAWS, law_of
 
 START = ("pi/2", "pi/2 + 0.4", 0)
 

@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Constants, Parameters
+from tippedisk_verify import CALIBRATED, DOUBLE, PRINTED, InputError, Parameters, precision_of_bits
+from tippedisk_verify.model.parameters import NAMED_SETS, Constants
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
 
 GOOD = (
     'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'

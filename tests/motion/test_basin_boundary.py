@@ -9,12 +9,11 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer
+from tippedisk_verify import PRINTED, basins, omega_crit
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
-from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
-from tippedisk_verify.motion.basins import OUTCOMES, Attractors, basins, integrate_outcomes
+from tippedisk_verify.motion.basins import OUTCOMES, Attractors, integrate_outcomes
 from tippedisk_verify.motion.scenes import INITIAL_STATES
-from tippedisk_verify.theory.hopf import omega_crit
 
 ABOVE_CRIT = omega_crit(PRINTED, 20).value + Fraction(1, 2)
 

@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.command_line import answer
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.motion.basins import basins
+from tippedisk_verify import PRINTED, basins
 
 
 def test_basins() -> None:

@@ -7,22 +7,24 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    CALIBRATED,
+    PRINTED,
+    QUADRUPLE,
+    SCENES,
+    Event,
+    Measured,
+    Request,
+    Taylor,
+    bisect_omega_h,
+    scene_named,
+)
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.flow.contract import SECTION, Event, Request
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.motion.scenes import (
-    INITIAL_STATES,
-    SCENES,
-    compute_scene,
-    scene_named,
-)
+from tippedisk_verify.flow.contract import SECTION
+from tippedisk_verify.motion.scenes import INITIAL_STATES, compute_scene
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import QUADRUPLE
 
 GIVEN = Measured(Fraction("30.0488682607"), Fraction(0))
 EXPECTED = {

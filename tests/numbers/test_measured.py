@@ -14,9 +14,8 @@ import numpy
 import pytest
 
 from tests.honesty.harness import decimal
-from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.numbers.exact import exact, fraction, rational_in_context
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify import AccuracyError, InputError, Measured, exact
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
 
 FUNCTIONS = ("sqrt", "log", "log10", "exp", "sin", "cos", "tan")
 TWO = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow)

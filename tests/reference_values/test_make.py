@@ -16,8 +16,7 @@ from reference_data.make.generation import _computed, entries_of, generate
 from reference_data.make.recipes import CONFIRM, confirmed, methods_of
 from tests.reference_values.places import PLACES
 from tests.stress.runs import MAKE
-from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify import AccuracyError, Measured
 from tippedisk_verify.reference_values.checking import check, stored_entries
 from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.store import Store, load_store, quantity_definitions

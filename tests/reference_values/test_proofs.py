@@ -10,8 +10,7 @@ from fractions import Fraction
 import pytest
 
 from reference_data.make.proofs import proved
-from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify import AccuracyError, Measured
 from tippedisk_verify.reference_values.checking import stored_entries
 from tippedisk_verify.reference_values.entries import case_of
 from tippedisk_verify.reference_values.store import data_folder, load_store

@@ -16,11 +16,9 @@ import tippedisk_verify as tv
 from reference_data.make.generation import write_manifest
 from tests.command_line import answer, printed
 from tests.problems import paper_rates, paper_terms
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import SYMBOLS, Parameters
-from tippedisk_verify.numbers.exact import exact, rational_in_context
+from tippedisk_verify import Disk, InputError, Parameters, ScipyEngine, exact, reference
+from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.exact import rational_in_context
 from tippedisk_verify.reference_values.checking import (
     StoredEntry,
     check,
@@ -28,7 +26,6 @@ from tippedisk_verify.reference_values.checking import (
     stored_entries,
 )
 from tippedisk_verify.reference_values.entries import case_of, disk_in_doubles
-from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import (
     Store,

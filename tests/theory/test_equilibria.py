@@ -14,25 +14,29 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_rates, physical_parameters
+from tippedisk_verify import (
+    PRINTED,
+    AccuracyError,
+    InputError,
+    Parameters,
+    equilibrium,
+    omega_crit,
+    precision_of_bits,
+)
 from tippedisk_verify.display import Eigenvalue
-from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.numbers.exact import fraction, rational_in_context
-from tippedisk_verify.numbers.precision import precision_of_bits
 from tippedisk_verify.theory.equilibria import (
     EquilibriumName,
     Linearization,
     characteristic_polynomial,
     eigenvalues,
-    equilibrium,
     equilibrium_state,
     kind_changes,
     linearization,
     right_eigenvector,
     saddle_value_sign,
 )
-from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.real_roots import real_roots, square_root
 
 

@@ -16,15 +16,19 @@ from hypothesis import strategies as st
 
 from tests.command_line import answer
 from tests.problems import decimals, paper_rates, physical_parameters
-from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED, Constants, Parameters
-from tippedisk_verify.numbers.exact import fraction, rational_in_context
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import DOUBLE
-from tippedisk_verify.theory.hopf import omega_crit
-from tippedisk_verify.theory.slow_manifold import (
+from tippedisk_verify import (
+    DOUBLE,
+    PRINTED,
+    AccuracyError,
+    Measured,
+    Parameters,
     analyse_slow_manifold,
+    omega_crit,
+)
+from tippedisk_verify.model import equations
+from tippedisk_verify.model.parameters import Constants
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
+from tippedisk_verify.theory.slow_manifold import (
     attraction_rate,
     critical_manifold,
     first_correction,
