@@ -35,6 +35,7 @@ from tippedisk_verify.conformance.sheet import (
 )
 from tippedisk_verify.reference_values.grading_rules import QUESTION_COLUMNS
 from tippedisk_verify.reference_values.store import Store
+from tippedisk_verify.support.files import csv_text
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
 
@@ -71,11 +72,7 @@ def test_the_truth_gets_full_marks_in_either_form_and_reading(
         for n, row in enumerate(rows):
             reading = "doubles" if n % 2 and "doubles" in store[row["id"]].values else "decimals"
             row["from"], row["answer"] = reading, store[row["id"]].values[reading][0]
-        stream = io.StringIO(newline="")
-        table = csv.DictWriter(stream, QUESTION_COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-        path.write_text(stream.getvalue())
+        path.write_text(csv_text(QUESTION_COLUMNS, [[*row.values()] for row in rows]))
     else:
         content = json.loads(text)
         content["from"] = "decimals"

@@ -125,23 +125,6 @@ def test_newton_from_anywhere_finds_the_cycle_or_fails(gamma, v) -> None:
     assert abs(shot.point[1] / size[1] - 1) < 1e-6
 
 
-@pytest.mark.slow
-def test_the_laws_cycles_part_faster_than_they_grow(taylor) -> None:
-    """gamma_y vanishes on the critical eigenspace, so the relative difference falls like the
-    distance's power 2.5.
-    """
-    apart = []
-    for distance in ("0.004", "0.001"):
-        linear, smooth = (
-            shoot_limit_cycle(
-                PRINTED.with_friction(law), speed_below(PRINTED, distance), taylor, digits=20
-            )
-            for law in ("linear", "smooth")
-        )
-        apart.append(float(abs(smooth.beta_max.value / linear.beta_max.value - 1)))
-    assert 2.3 < math.log(apart[0] / apart[1], 4) < 2.7
-
-
 def test_refusals(taylor) -> None:
     with pytest.raises(InputError):
         shoot_limit_cycle(PRINTED, "0", taylor)

@@ -61,7 +61,7 @@ def test_flat_times_hold(taylor) -> None:
     for orbit in panel.orbits:
         truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=QUADRUPLE))
         assert orbit.outcome.time.holds(fraction(truth.time))
-        assert orbit.outcome.time.uncertainty < Fraction(1, 10**11)
+        assert orbit.outcome.time.uncertainty < Fraction(1, 10**11)  # twelve digits of ten seconds
 
 
 @pytest.mark.parametrize("name", ["b", "d", "e"])
@@ -94,6 +94,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
     for orbit in orbits_at(omega, disk, taylor):
         assert orbit.outcome.kind == "rotating limit cycle"
         assert orbit.outcome.amplitude.contains(cycle.beta_bar_top)
+        # An amplitude of an orbit in double, which has forgotten its start: ten digits of it
         assert orbit.outcome.amplitude.uncertainty < Fraction(1, 10**10)
         assert set(orbit.outcome.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
 
@@ -126,4 +127,5 @@ def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
     far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
     assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
     one, other = far.outcome.amplitude, near.outcome.amplitude
+    # Ten digits, as above
     assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < Fraction(1, 10**10)

@@ -4,13 +4,16 @@ planted in the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+import pytest
+
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
+from tippedisk_verify.proofs.kernel.certificates import digest
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, apply_krawczyk_operator
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
@@ -101,6 +104,23 @@ def replace_entry(*path: Any) -> ChangeOfContent:
         part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
 
     return act
+
+
+def sealed(content: dict[str, Any]) -> dict[str, Any]:
+    """Write the digest of what a certificate says now."""
+    content["sha256"] = digest(content)
+    return content
+
+
+def in_precision(bits: int) -> Any:
+    """Return a fixture that works in so many bits throughout each test of a module."""
+
+    @pytest.fixture(autouse=True)
+    def context() -> Iterator[None]:
+        with working_precision(bits):
+            yield
+
+    return context
 
 
 def hull(low: object, high: object) -> Any:

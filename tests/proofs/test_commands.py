@@ -46,6 +46,7 @@ def test_equilibria() -> None:
     for value in result["inverted"]["eigenvalues"]:
         assert Fraction(value["re"]["uncertainty"]) <= abs(Fraction(value["re"]["value"])) / 10**27
     always = answer("certify equilibria --every-speed --friction smooth --digits 20")
+    # Twenty digits of some 30 rad/s
     assert Fraction(always["omega_crit"]["uncertainty"]) < Fraction(1, 10**17)
     # The sentence stands by itself: the disk, and the numbers as above.
     for said in (

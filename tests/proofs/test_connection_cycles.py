@@ -5,7 +5,7 @@ flights between the saddles.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import product
 from types import SimpleNamespace
@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import in_precision
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
 from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up_passage
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
@@ -31,13 +32,7 @@ from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
 from tippedisk_verify.proofs.kernel.certificates.passage import enclose_arrivals as flown
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 
-
-@pytest.fixture(autouse=True)
-def _context() -> Iterator[None]:
-    with working_precision(BITS):
-        yield
-
-
+_context = in_precision(BITS)
 #: of D and Q, for the passage of `test_passage`
 ENTRY: dict[str, Any] = {
     "lid": arb(0.077),

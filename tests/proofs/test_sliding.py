@@ -4,17 +4,16 @@ proved under it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
+from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight, in_precision
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
-from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
@@ -38,10 +37,7 @@ GUESS = tuple(
 START, SPAN, SIZE = ("0", "1.725", "-1.7105"), "0.02", Fraction(1, 10**6)
 
 
-@pytest.fixture(autouse=True)
-def _bits() -> Iterator[None]:
-    with working_precision(100):
-        yield
+_context = in_precision(100)
 
 
 def flown(start=START, omega=OMEGA, **options) -> Flight:

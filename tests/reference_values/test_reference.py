@@ -263,7 +263,7 @@ def test_the_commands(folder: Path) -> None:
     ids = answer("reference list table1/linear/hopf")["ids"]
     assert "table1/linear/hopf/point/period" in ids
     shown = answer(f"reference show {ids[0]}")["values"][0]
-    assert Decimal(shown["uncertainty"]) < Decimal("1e-40")
+    assert Decimal(shown["uncertainty"]) < Decimal("1e-40")  # as many digits are published
     assert "from doubles" in printed(f"reference show {ids[0]}")
     assert answer(f"reference check --data {folder} --sample 1 --jobs 1")["faults"] == []
 

@@ -92,6 +92,7 @@ def test_where_the_first_coefficient_vanishes_the_second_follows_from_the_full_e
         frequency = 2 * mpmath.pi / hopf_point(disk, 60).period.mpf()
         share = 1 / (1 + (frequency / omega_crit(disk, 60).mpf()) ** 2 * (1 + frequency**2))
         second = mpmath.re(formal_cycles(disk, normal_form=True).kappa[1]) * share**2 / frequency
+        # Thirty digits, as asked
         assert abs(point.second_lyapunov_coefficient.mpf() / second - 1) < mpmath.mpf(10) ** -30
 
 

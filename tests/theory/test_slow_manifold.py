@@ -138,6 +138,7 @@ def test_the_reduced_flow_leaves_residuals_of_its_order(
                     assert abs(residual - row[column]) < abs(residual) * mpmath.mpf(10) ** -70
                 closed = critical_manifold(mpmath.mp, constants, speed, *place)
                 correction = first_correction(mpmath.mp, constants, speed, *place)
+                # Of 200 digits cancelling terms lose some
                 assert abs(closed - surface.h[0]) < abs(closed) * mpmath.mpf(10) ** -180
                 assert abs(correction - surface.h[1]) < abs(correction) * mpmath.mpf(10) ** -180
                 assert slow_manifold(mpmath.mp, constants, speed, *place, 0) == closed
