@@ -25,7 +25,6 @@ CONTEXT = click.Context(cli, info_name="tippedisk-verify", terminal_width=80)
 def _commands(group: click.Group, path: str = "") -> Iterator[tuple[str, click.Command]]:
     for name in group.list_commands(CONTEXT):
         command = group.get_command(CONTEXT, name)
-        assert command is not None
         yield f"{path}{name}", command
         if isinstance(command, click.Group):
             yield from _commands(command, f"{path}{name} ")

@@ -325,7 +325,7 @@ def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
     disk = tv.Disk("table1")
     sharp = disk.heteroclinic(digits=28).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
-        distance = sign * (disk.speed(**{way: "1e-12"}) - sharp.value)  # type: ignore[arg-type]
+        distance = sign * (disk.speed(**{way: "1e-12"}) - sharp.value)
         # Twelve digits of it
         assert abs(distance - Fraction("1e-12")) < Fraction("1e-24") + sharp.uncertainty
 

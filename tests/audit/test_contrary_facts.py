@@ -48,7 +48,7 @@ class OneDisk(Audit):
     """An audit of its own disk only, which takes a third of the time."""
 
     @property
-    def sets(self) -> dict[str, Parameters]:  # type: ignore[override]
+    def sets(self) -> dict[str, Parameters]:
         return {self.parameters.name: self.parameters}
 
 

@@ -37,7 +37,6 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     quick = cycle_by_passages(section, parameters, omega, taylor, 12)
     flown = cycle_by_broyden(section, parameters, omega, omega_h, taylor, digits=16)
     assert flown.precision == "quadruple"
-    assert quick is not None
     assert quick.precision == "extended"
     for name in number_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)

@@ -51,7 +51,7 @@ def narrowed(result: Any, widths: bool = False) -> Any:
         return result / _FACTOR
     if is_dataclass(result) and not isinstance(result, Parameters):
         known = {part.name: getattr(result, part.name) for part in fields(result) if part.init}
-        return replace(result, **narrowed(known, isinstance(result, ErrorEstimate)))  # type: ignore[type-var]
+        return replace(result, **narrowed(known, isinstance(result, ErrorEstimate)))
     if isinstance(result, dict):
         return {name: narrowed(value, widths) for name, value in result.items()}
     if isinstance(result, tuple | list):

@@ -65,7 +65,7 @@ class Orbits:
         def event(time: float, x: np.ndarray) -> float:
             return until(x[:3])
 
-        event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
+        event.terminal, event.direction = True, 1
         start = np.array([*z, *variation], float)
         run = solve_ivp(
             rates, (0, 3), start, "DOP853", events=event, rtol=TOLERANCE, atol=TOLERANCE

@@ -137,7 +137,7 @@ CONNECTION = ConnectionProof(
     ConnectionStatus.PROVED,
     Measured.of("30.0488682607", "1e-10"),
     parameters=PRINTED,
-    verified=SimpleNamespace(),  # type: ignore[arg-type]
+    verified=SimpleNamespace(),
 )
 
 

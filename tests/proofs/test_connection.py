@@ -41,11 +41,9 @@ DIGITS = 9  #: of `proved_connection`
 def test_the_proof_holds_the_reference_values() -> None:
     proof = proved_connection()
     assert (proof.proved, proof.unique, proof.upright) == (True, True, True)
-    assert proof.omega_h is not None
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**DIGITS)
     assert proof.omega_h.holds(TRUTH["table1"].value)
     assert "there is exactly one Omega with" in proof.statement
-    assert proof.saddle_value is not None
     assert proof.saddle_value.value + proof.saddle_value.uncertainty < 0
     for mine, theirs in zip(proof.saddle_eigenvalues, ("u", "s", "ss"), strict=True):
         entry = reference(f"table1/linear/heteroclinic/point/lambda_{theirs}").measured()
@@ -60,7 +58,6 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
     """With gamma a real number, and only with all hypotheses."""
     proof = proved_connection()
     said = proof.limit_cycle
-    assert said is not None
     assert said in proof.to_dict().values()
     assert "gamma in R (not modulo 2 pi)" in said
     assert "exactly one periodic orbit above Omega_h and none below it or at it" in said

@@ -232,7 +232,7 @@ def test_the_connection_stays_in_n() -> None:
 def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
     connection = SimpleNamespace(friction="linear", low=Fraction("30.048"), high=Fraction("30.05"))
     with pytest.raises(Unproved, match="an interval is empty"):
-        verify_cycles(connection, Fraction(low), Fraction(high), print)  # type: ignore[arg-type]
+        verify_cycles(connection, Fraction(low), Fraction(high), print)
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:

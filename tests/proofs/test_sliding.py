@@ -15,7 +15,7 @@ from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep
+from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
 from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
@@ -75,7 +75,6 @@ def test_reversals_are_counted_and_the_sign_between_them_is_known(
     path = model_for_disk(SMOOTH, ball(OMEGA)).path(
         [ball(part) for part in start], FlightStepSearch()
     )
-    assert isinstance(path, SlidingPath)
     crossings, before = 0, path.side
     while path.time < ball(span):
         step = path.step()
@@ -180,7 +179,6 @@ def test_the_proved_interval_holds_omega_h(connection: ConnectionProof) -> None:
     assert connection.proved
     assert connection.unique
     assert connection.upright
-    assert connection.omega_h is not None
     assert connection.omega_h.holds(TRUTH.value)
     assert 2 * connection.omega_h.uncertainty <= Fraction(1, 10)
     assert (

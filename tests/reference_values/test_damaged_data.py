@@ -111,7 +111,7 @@ def test_whoever_reads_refuses(
     ],
 )
 def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
-    damage(folder)  # type: ignore[operator]
+    damage(folder)
     with pytest.raises(InputError, match=says) as refused:
         Store(folder)
     _one_line(refused.value)

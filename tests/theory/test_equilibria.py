@@ -217,7 +217,7 @@ def test_refusals() -> None:
         with pytest.raises(InputError):
             equilibrium(PRINTED, omega, "inverted")
     with pytest.raises(InputError, match="inverted or noninverted"):
-        equilibrium(PRINTED, 30, "sideways")  # type: ignore[arg-type]
+        equilibrium(PRINTED, 30, "sideways")
 
 
 def discriminant(matrix: Linearization) -> Fraction:
@@ -236,8 +236,8 @@ def test_saddle_value_and_kind_against_eigenvalues(parameters: Parameters, share
     value = unstable.re + slow.re
     assert saddle_value_sign(parameters, speed) == (1 if value > 0 else -1)
     for name in ("inverted", "noninverted"):
-        kinds = [part.im.value for part in equilibrium(parameters, speed, name).eigenvalues]  # type: ignore[arg-type]
-        assert (discriminant(linearization(parameters, speed, name)) < 0) == any(kinds)  # type: ignore[arg-type]
+        kinds = [part.im.value for part in equilibrium(parameters, speed, name).eigenvalues]
+        assert (discriminant(linearization(parameters, speed, name)) < 0) == any(kinds)
 
 
 def test_the_saddle_value_vanishes_where_it_should() -> None:
