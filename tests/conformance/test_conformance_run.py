@@ -22,7 +22,7 @@ from typing import Any
 import pytest
 
 from tests.command_line import answer, assert_refused, printed, ran
-from tests.stress.strikes import INTERRUPTED, Struck
+from tests.stress.runs import INTERRUPTED, Struck
 from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import load_store
 from tippedisk_verify.support import dialogue

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import pytest
 from hypothesis import given, settings
 
-from tests.cycles.full_period import WHOLE_PERIOD
 from tests.problems import SETS, decimals, speed_below
 from tippedisk_verify import (
     CALIBRATED,
@@ -26,6 +26,7 @@ from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.cycles.shooting.shoot import shoot
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.flow import default_engine
+from tippedisk_verify.flow.contract import SECTION, Event
 from tippedisk_verify.numbers.exact import fraction
 
 MAIN = ("period", "gamma_bar_0", "v_0", "beta_max")
@@ -39,6 +40,15 @@ ALL = (
     "dv_0_domega",
 )
 _ENGINE = default_engine()
+#: Librating cycles over whole periods, without the symmetry, on a section from v < 0 to the next
+#: v < 0.
+WHOLE_PERIOD = replace(
+    LIBRATING,
+    name="whole period",
+    end_event=Event("closes", SECTION.function, direction=1),
+    symmetry_sign=1,
+    flights_per_period=1,
+)
 
 
 @settings(max_examples=6)

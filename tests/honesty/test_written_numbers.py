@@ -18,6 +18,8 @@ from tippedisk_verify.flow.contract import GAMMA_TOP
 from tippedisk_verify.motion.scenes import INITIAL_STATES
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
+DISK = tv.Disk("table1")
+
 
 def _slow(words: str) -> object:
     return pytest.param(words, marks=pytest.mark.slow(minutes=0.5))
@@ -111,13 +113,12 @@ def test_a_branchs_table_holds_the_cycles_with_more_digits(
 ) -> None:
     out = tmp_path / "branch.csv"
     printed(f"branch {kind} --omegas {omega} --out {out} --quiet")
-    disk = tv.Disk("table1")
     for row in rows_of(out):
         stable = row["stable"] == "True"
         if kind:
-            truth = disk.rotating_cycle(omega, stable=stable, digits=24)
+            truth = DISK.rotating_cycle(omega, stable=stable, digits=24)
         else:
-            truth = disk.limit_cycle(omega, stable=stable, digits=24)
+            truth = DISK.limit_cycle(omega, stable=stable, digits=24)
         for name in (name for name in row if f"{name}_uncertainty" in row and "defect" not in name):
             _assert_held(
                 row[name], row[f"{name}_uncertainty"], *getattr(truth, name).decimals(), name
@@ -154,12 +155,11 @@ def test_the_connections_table_holds_a_run_at_a_sharper_omega_h(
 )
 def test_a_scenes_tables_are_right_to_their_last_decimal(scene: str, tmp_path: Path) -> None:
     printed(f"scene {scene} --out {tmp_path} --quiet")
-    disk = tv.Disk("table1")
-    omega = disk.scene(scene).omega.value
+    omega = DISK.scene(scene).omega.value
     for number, start in enumerate(INITIAL_STATES, start=1):
         rows = rows_of(tmp_path / f"scene_{scene}_orbit_{number}.csv")[1::100]
         times = [Fraction(row["t [s]"]) for row in rows]
-        truth = disk.integrate(omega, start, times[-1], t_eval=times, digits=16)
+        truth = DISK.integrate(omega, start, times[-1], t_eval=times, digits=16)
         for row, state in zip(rows, truth.y.T, strict=True):
             for name, true in zip(("beta [rad]", "gamma [rad]", "v [rad/s]"), state, strict=True):
                 _assert_held(  # to ten decimals
