@@ -10,7 +10,6 @@ from typing import Any, NamedTuple
 
 import mpmath
 import pytest
-import sympy
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,7 +25,6 @@ from tippedisk_verify import (
     omega_crit,
 )
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import Constants
 from tippedisk_verify.numbers.exact import fraction, rational_in_context
 from tippedisk_verify.theory.slow_manifold import (
     attraction_rate,
@@ -43,18 +41,6 @@ HIGHEST = 4
 #: [m/s]; the digits leave a hundred to a residual of order epsilon^5.
 EPSILONS = [Fraction(1, 10**20 * 2**n) for n in range(4)]
 DIGITS = 200
-
-
-def test_order_0_conserves_the_height() -> None:
-    """Check d/dt (r + e sin gamma) sin beta = 0 along the rolling flow, exactly."""
-    r, e, omega, beta, gamma = sympy.symbols("r e Omega beta gamma", positive=True)
-    constants = Constants(**{name: {"r": r, "e": e}.get(name) for name in Constants._fields})
-    height = (r + e * sympy.sin(gamma)) * sympy.sin(beta)
-    rolling = critical_manifold(sympy, constants, omega, beta, gamma)
-    change = sympy.diff(height, beta) * rolling - sympy.diff(height, gamma) * omega * sympy.cos(
-        beta
-    )
-    assert sympy.simplify(change) == 0
 
 
 class Surface(NamedTuple):
