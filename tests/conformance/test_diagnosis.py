@@ -22,14 +22,13 @@ from tests.conformance.mistakes import (
     patched_program,
     question_rows,
 )
+from tippedisk_verify import DOUBLE, PRINTED
 from tippedisk_verify.conformance.diagnosis import Diagnosis, diagnose
 from tippedisk_verify.conformance.diagnosis.dictionary import LINEAR, SMOOTH
 from tippedisk_verify.conformance.diagnosis.terms import EquationValues, parse_sum, sum_text
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.model.equations import vector_field
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.reference_values.store import ReferenceValue, Store, load_store
 
 STATE = {

@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from tippedisk_verify import DOUBLE, PRINTED, Parameters
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection_proof import eigenvectors
 from tippedisk_verify.proofs.search.proof import parameter_texts

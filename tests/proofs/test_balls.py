@@ -12,9 +12,7 @@ from typing import Any
 import pytest
 from flint import acb_series, arb_series, ctx
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify import PRINTED, InputError, exact
 from tippedisk_verify.proofs.angles import rates
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.proofs.kernel.balls import (

@@ -12,9 +12,8 @@ import pytest
 from flint import arb
 
 from tests.command_line import answer
-from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify import PRINTED, AccuracyError, InputError, Measured, Parameters
+from tippedisk_verify.model.parameters import NAMED_SETS
 from tippedisk_verify.proofs import angles
 from tippedisk_verify.proofs.closed_forms import (
     characteristic_polynomial,

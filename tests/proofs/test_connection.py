@@ -11,11 +11,8 @@ from flint import arb, arb_mat
 
 from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify import CALIBRATED, PRINTED, Measured, Taylor, heteroclinic, reference
 from tippedisk_verify.errors import NoConnectionError
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import _converges_along_slow_direction
 from tippedisk_verify.proofs.search import connection_proof as certified
@@ -29,7 +26,6 @@ from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionStatus,
     prove_connection,
 )
-from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {
     name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured()

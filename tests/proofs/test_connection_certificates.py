@@ -14,8 +14,7 @@ import pytest
 from tests.command_line import answer
 from tests.proofs.cases import ChangeOfContent, proved_connection, replace_entry, sealed
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify import PRINTED, shoot_limit_cycle
 from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision

@@ -9,9 +9,7 @@ from fractions import Fraction
 import pytest
 
 from tests.proofs.cases import flow_for
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import QUADRUPLE
+from tippedisk_verify import PRINTED, QUADRUPLE, Request
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model

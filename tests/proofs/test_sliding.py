@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight, in_precision
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify import PRINTED, Parameters, reference
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
@@ -24,7 +24,6 @@ from tippedisk_verify.proofs.search.connection_proof import (
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
-from tippedisk_verify.reference_values.lookup import reference
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
