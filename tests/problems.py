@@ -15,9 +15,6 @@ from tippedisk_verify import Exact, InputError, Measured, Parameters, exact, ome
 from tippedisk_verify.model.parameters import NAMED_SETS
 from tippedisk_verify.numbers.exact import rational_in_context
 
-#: Speeds below, between and above the two critical ones, for the three sets that describe the
-#: paper's disk [rad/s].
-SPEEDS = ("29.9", "30.2", "30.4", "30.8", "31.4")
 #: The paper's two initial states.
 STARTS: tuple[tuple[Exact, Exact, Exact], ...] = (
     (exact("pi/2"), exact("-pi/2"), exact(2)),

@@ -98,8 +98,7 @@ def test_mistakes_whose_effects_multiply_are_both_named(names: tuple[str, str]) 
 
 
 def test_a_relation_to_the_values_of_a_program_with_mistakes_is_named(store: Store) -> None:
-    mistake = EQUATION_MISTAKES["Bbar-B"]
-    program = patched_program([(mistake.old, mistake.new)])
+    program = patched_program([EQUATION_MISTAKES["Bbar-B"][:2]])
     answers = {
         id_: float(text) / (2 * math.pi if "/equilibrium/" in id_ else 1)
         for id_, text in program["answered"](question_rows(range(1, 3))).items()
@@ -115,8 +114,8 @@ LEVELS = {"eigenvalues": 2, "equilibrium": 2, "hopf": 3, "law": 4, "manifold": 5
 
 @pytest.mark.parametrize("name", FORMULA_MISTAKES)
 def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
-    *patch, says = FORMULA_MISTAKES[name]
-    program = patched_program([(patch[0], patch[1])])
+    old, new, says = FORMULA_MISTAKES[name]
+    program = patched_program([(old, new)])
     level = LEVELS[name.partition("-")[0]]
     diagnoses = diagnose(grades_of(program, range(level, level + 1)), load_store())
     causes = " | ".join(cause for one in diagnoses for _, cause in one.causes)
@@ -241,7 +240,6 @@ def test_sums_are_shown_as_they_are_read(text: str) -> None:
 
 
 def test_levels_without_an_integrator_follow_and_later_ones_may_follow(store: Store) -> None:
-    mistake = EQUATION_MISTAKES["Bbar-B"]
-    program = patched_program([(mistake.old, mistake.new)])
+    program = patched_program([EQUATION_MISTAKES["Bbar-B"][:2]])
     diagnoses = diagnose(grades_of(program, range(1, 3)), store)
     assert [one.status for one in diagnoses] == ["explained", "follows"]

@@ -18,8 +18,6 @@ import numpy
 from tippedisk_verify import BatchTaylor, Taylor, flow
 from tippedisk_verify.flow.jit import heyoka_module
 
-__all__ = ["DEFAULT", "MOVED_BITS", "OTHER_ORDER", "Arithmetic"]
-
 #: Integrators are built where these names are looked up.
 _BUILDERS = (
     "tippedisk_verify.flow.stepper.heyoka_module",

@@ -36,19 +36,6 @@ from tippedisk_verify.model.parameters import NAMED_SETS
 from tippedisk_verify.numbers.exact import PI
 from tippedisk_verify.theory.hopf import criticality
 
-__all__ = [
-    "Draw",
-    "Found",
-    "Kind",
-    "Number",
-    "Question",
-    "assert_honest",
-    "compared",
-    "decimal",
-    "numbers",
-    "run",
-]
-
 #: Where disks are drawn from: around the paper's, unlike it in one respect, and far from it in
 #: everything at once.
 FAMILIES = (

@@ -51,8 +51,6 @@ from tippedisk_verify.reference_values.truths import cross_check_values, true_va
 from tippedisk_verify.theory import slow_manifold
 from tippedisk_verify.theory.hopf import criticality
 
-__all__ = ["KINDS", "kind_named"]
-
 _LAWS = ("linear", "smooth")
 _STIFFEST = 2e3  # 1/s; the truth about the cycles of a stiffer disk takes minutes
 

@@ -17,8 +17,6 @@ import numpy
 from tippedisk_verify import Measured, Parameters
 from tippedisk_verify.flow.contract import ErrorEstimate
 
-__all__ = ["PLANTS", "planted"]
-
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
     "flow.half_widths_by_defect:_RunWithError._half_widths": "flow",

@@ -5,9 +5,8 @@ planted in the kernel.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import pytest
 
@@ -42,9 +41,8 @@ NUMBERS = (
 )
 
 
-@dataclass(frozen=True)
-class Flight:
-    """Where all orbits from a box are after a time, proved.
+class Flight(NamedTuple):
+    """Where all orbits from a box are after a time, proved: in the path's box.
 
     A status makes the rest mean nothing.
     """
@@ -52,18 +50,6 @@ class Flight:
     status: FlowStatus | None  #: why the time is not reached
     path: Path
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
-    #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
-    matrix: tuple[tuple[Any, ...], ...] | None = None
-
-    @property
-    def state(self) -> tuple[Any, Any, Any]:
-        """Holds the end of every orbit, (beta_bar, gamma_bar, v)."""
-        return self.path.box
-
-    @property
-    def divergence(self) -> Any:
-        """Integral of div f over the run."""
-        return self.path.divergence
 
 
 def flow_for(
@@ -86,7 +72,7 @@ def flow_for(
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
             path.take_step(step, left)
-            return Flight(None, path, upright, path.derivatives if derivatives else None)
+            return Flight(None, path, upright)
         path.take_step(step)
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight, in_precision
+from tests.proofs.cases import NUMBERS, flow_for, half_flight, in_precision
 from tippedisk_verify import PRINTED, Parameters, reference
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
@@ -33,19 +33,10 @@ GUESS = tuple(
 )
 #: A hundredth of a second before the first sliding reversal of the limit cycle, and until as long
 #: after it.
-START, SPAN, SIZE = ("0", "1.725", "-1.7105"), "0.02", Fraction(1, 10**6)
+START, SPAN = ("0", "1.725", "-1.7105"), "0.02"
 
 
 _context = in_precision(100)
-
-
-def flown(start=START, omega=OMEGA, **options) -> Flight:
-    """The flow from a start over `SPAN`."""
-    flight = flow_for(
-        model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
-    )
-    assert flight.status is None
-    return flight
 
 
 def gamma_y(constants, omega, state):

@@ -17,8 +17,6 @@ from tippedisk_verify.reference_values.drawn_disks import decimal_text
 from tippedisk_verify.reference_values.entries import READINGS, ReferenceEntry
 from tippedisk_verify.theory.slow_manifold import RESIDUAL_POINTS
 
-__all__ = ["PLACES"]
-
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 
 _STATES = 200
