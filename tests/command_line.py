@@ -14,6 +14,12 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.cli import main
 
+#: A file of parameters: Table 1's.
+TABLE_1_FILE = (
+    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
+    'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
+)
+
 
 class Ran(NamedTuple):
     """The outcome of a command."""

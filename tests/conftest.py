@@ -19,9 +19,16 @@ from tippedisk_verify.support.cache import VARIABLE, code_folder
 
 if TYPE_CHECKING:
     from tippedisk_verify.flow.contract import Engine
+    from tippedisk_verify.reference_values.store import Store
 
 # what pytest finds here
-__all__ = ["pytest_addoption", "pytest_collection_modifyitems", "pytest_terminal_summary", "taylor"]
+__all__ = [
+    "pytest_addoption",
+    "pytest_collection_modifyitems",
+    "pytest_terminal_summary",
+    "store",
+    "taylor",
+]
 
 # What was kept from earlier runs must not stand in for what a test computes.
 os.environ[VARIABLE] = "code"
@@ -62,3 +69,11 @@ def taylor() -> Engine:
     from tippedisk_verify.flow import default_engine
 
     return default_engine()
+
+
+@pytest.fixture(scope="session")
+def store() -> Store:
+    """The published reference values."""
+    from tippedisk_verify.reference_values.store import load_store
+
+    return load_store()

@@ -6,8 +6,6 @@ from typing import Any
 
 from tippedisk_verify.model.friction import FrictionLaw
 
-__all__ = ["ARCTAN", "OWN_LAWS", "STRIBECK", "TANH"]
-
 
 def _arctan(ops: Any, gamma_y: Any, c: Any) -> Any:
     return -2 * c.mu * c.m * c.g / c.pi * ops.atan(c.pi * gamma_y / (2 * c.epsilon))

@@ -11,15 +11,10 @@ import numpy
 from hypothesis import strategies as st
 
 from tests.model import transcription as paper
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
-from tippedisk_verify.numbers.exact import Exact, exact, rational_in_context
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.theory.hopf import omega_crit
+from tippedisk_verify import Exact, InputError, Measured, Parameters, exact, omega_crit
+from tippedisk_verify.model.parameters import NAMED_SETS
+from tippedisk_verify.numbers.exact import rational_in_context
 
-#: Speeds below, between and above the two critical ones, for the three sets that describe the
-#: paper's disk [rad/s].
-SPEEDS = ("29.9", "30.2", "30.4", "30.8", "31.4")
 #: The paper's two initial states.
 STARTS: tuple[tuple[Exact, Exact, Exact], ...] = (
     (exact("pi/2"), exact("-pi/2"), exact(2)),

@@ -16,7 +16,7 @@ from tippedisk_verify.model.parameters import SYMBOLS
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.theory import one_harmonic_law, slow_manifold
 
-START = ("pi/2", "pi/2 + 0.4", 0)
+DISK, START = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
 LAWS = ("linear", "smooth")
 
 
@@ -56,10 +56,9 @@ def test_a_named_disk_with_another_number_is_no_longer_the_named_one() -> None:
 
 
 def test_a_text_for_a_list_is_one_number() -> None:
-    disk = tv.Disk("table1")
     assert (
-        [*disk.branch("30.4").omega]
-        == [float(cycle.omega) for cycle in disk.rotating_branch("30.4")]
+        [*DISK.branch("30.4").omega]
+        == [float(cycle.omega) for cycle in DISK.rotating_branch("30.4")]
         == [30.4]
     )
 
@@ -75,9 +74,8 @@ def test_a_text_for_a_list_is_one_number() -> None:
     ],
 )
 def test_a_limit_cycle_may_be_a_rotating_one(speed, choice) -> None:
-    disk = tv.Disk("table1")
     stable = choice.get("stable", True)
-    assert disk.limit_cycle(**speed, **choice) == disk.rotating_cycle(**speed, stable=stable)
+    assert DISK.limit_cycle(**speed, **choice) == DISK.rotating_cycle(**speed, stable=stable)
 
 
 @pytest.mark.parametrize(
@@ -86,33 +84,33 @@ def test_a_limit_cycle_may_be_a_rotating_one(speed, choice) -> None:
         (lambda: tv.Disk("table1", nu="0.4"), "no 'nu'"),
         (lambda: tv.Disk(r="0.045"), "needs e"),
         (
-            lambda: tv.Disk("table1").limit_cycle(),
+            lambda: DISK.limit_cycle(),
             "one of omega, below_crit, above_het and below_het",
         ),
-        (lambda: tv.Disk("table1").limit_cycle(above_het="1e-8", rotating=True), "give below_het"),
+        (lambda: DISK.limit_cycle(above_het="1e-8", rotating=True), "give below_het"),
         (
-            lambda: tv.Disk("table1").speed("30.4", below_het="0.5"),
+            lambda: DISK.speed("30.4", below_het="0.5"),
             "one of omega, below_crit, above_het and below_het",
         ),
-        (lambda: tv.Disk("table1").rhs("30.4")(0, (1.5, 1.6)), "three entries"),
+        (lambda: DISK.rhs("30.4")(0, (1.5, 1.6)), "three entries"),
         (
-            lambda: tv.Disk("table1").certify.limit_cycle(tv.Disk("table1").heteroclinic().omega_h),
+            lambda: DISK.certify.limit_cycle(DISK.heteroclinic().omega_h),
             "from Omega_h",
         ),
-        (lambda: tv.Disk("table1").heteroclinic(engine="taylor"), r"Taylor\(\) or ScipyEngine\(\)"),
-        (lambda: tv.Disk("table1").branch([]), "1 to"),
+        (lambda: DISK.heteroclinic(engine="taylor"), r"Taylor\(\) or ScipyEngine\(\)"),
+        (lambda: DISK.branch([]), "1 to"),
         (
-            lambda: tv.Disk("table1").integrate("30.4", START, 1, digits=0, half_widths=False),
+            lambda: DISK.integrate("30.4", START, 1, digits=0, half_widths=False),
             "digits are a whole number",
         ),
         # a text for a list
-        (lambda: tv.Disk("table1").branch("30.4,30.5"), None),
-        (lambda: tv.Disk("table1").integrate("30.4", "123", 1), None),
-        (lambda: tv.Disk("table1").integrate("30.4", START, 3, times="12"), None),
-        (lambda: tv.Disk("table1").basin_boundary("30.5").margin("123"), None),
+        (lambda: DISK.branch("30.4,30.5"), None),
+        (lambda: DISK.integrate("30.4", "123", 1), None),
+        (lambda: DISK.integrate("30.4", START, 3, times="12"), None),
+        (lambda: DISK.basin_boundary("30.5").margin("123"), None),
         *(
             (
-                lambda wrong=wrong: tv.Disk("table1").integrate("30.4", START, 1, events=wrong),
+                lambda wrong=wrong: DISK.integrate("30.4", START, 1, events=wrong),
                 "not one of section, turn, surface",
             )
             for wrong in (len, "section,turn", ["turn", 1])
@@ -162,9 +160,8 @@ def test_a_solution_agrees_with_scipys(friction) -> None:
 
 
 def test_a_run_that_ends_early_ends_with_its_end() -> None:
-    disk = tv.Disk("table1")
-    lying = disk.integrate("29.9", START, 20)
-    assert lying.status is tv.Status.FLAT
+    lying = DISK.integrate("29.9", START, 20)
+    assert (lying.status, lying.end.name) == (tv.Status.FLAT, "flat")
     assert lying.success
     assert "lies flat" in lying.message
     assert lying.t.shape == (lying.y.shape[1],)
@@ -260,7 +257,7 @@ def test_derivatives_by_parameters_hold_differences(named, friction, symbols) ->
 @pytest.mark.slow
 def test_derivatives_by_parameters_have_as_many_digits_as_the_motion() -> None:
     rough, sharp = (
-        tv.Disk("table1").integrate("30.4", START, 1, digits=digits, variations="m").by["m"]
+        DISK.integrate("30.4", START, 1, digits=digits, variations="m").by["m"]
         for digits in (20, 26)
     )
     away = abs((rough.y - sharp.y).astype(float))
@@ -284,12 +281,11 @@ def test_other_engines_and_short_motions_have_derivatives_by_parameters() -> Non
 
 
 def test_arguments_of_integrate_may_be_those_of_solve_ivp() -> None:
-    disk = tv.Disk("table1")
-    one = disk.integrate("30.4", START, 1, t_eval="0.5", events="section")
+    one = DISK.integrate("30.4", START, 1, t_eval="0.5", events="section")
     assert one.y.shape == (3, 1)
-    assert disk.integrate("30.4", START, 1, events=None).events == ()
+    assert DISK.integrate("30.4", START, 1, events=None).events == ()
     with pytest.raises(UnknownKeywordError, match=r"no atol: `digits` or `rtol`.*`engine`"):
-        disk.integrate("30.4", START, 1, rtol=1e-9, atol=1e-9)
+        DISK.integrate("30.4", START, 1, rtol=1e-9, atol=1e-9)
 
 
 # ------------------------------------------------------------------------------------- limit cycles
@@ -322,10 +318,9 @@ def test_an_orbit_closes_and_follows_the_equations(friction) -> None:
 
 
 def test_a_speed_next_to_omega_h_is_accepted_as_a_speed() -> None:
-    disk = tv.Disk("table1")
-    sharp = disk.heteroclinic(digits=28).omega_h
+    sharp = DISK.heteroclinic(digits=28).omega_h
     for way, sign in (("above_het", 1), ("below_het", -1)):
-        distance = sign * (disk.speed(**{way: "1e-12"}) - sharp.value)  # type: ignore[arg-type]
+        distance = sign * (DISK.speed(**{way: "1e-12"}) - sharp.value)
         # Twelve digits of it
         assert abs(distance - Fraction("1e-12")) < Fraction("1e-24") + sharp.uncertainty
 
@@ -357,28 +352,27 @@ def test_results_of_the_linear_law_are_refused_under_the_smooth_one(ask) -> None
 
 @pytest.mark.slow(minutes=0.5)
 def test_results_without_half_widths_say_so_and_are_those_with_them() -> None:
-    disk = tv.Disk("table1")
     for digits in (12, 20):
         for ask in (
-            lambda disk, **how: disk.limit_cycle("30.4", **how).period,
-            lambda disk, **how: disk.rotating_cycle("30.02", **how).v_top,
-            lambda disk, **how: disk.heteroclinic(**how).omega_h,
+            lambda **how: DISK.limit_cycle("30.4", **how).period,
+            lambda **how: DISK.rotating_cycle("30.02", **how).v_top,
+            lambda **how: DISK.heteroclinic(**how).omega_h,
         ):
-            bare, measured = ask(disk, digits=digits, half_widths=False), ask(disk, digits=digits)
+            bare, measured = ask(digits=digits, half_widths=False), ask(digits=digits)
             assert abs(bare.value - measured.value) < abs(measured.value) / 10 ** (digits - 1)
             assert (bare.is_measured, measured.is_measured) == (False, True)
             assert str(bare).endswith(" (no half-width)")
             assert bare.to_dict()["uncertainty"] is (2 * bare + 1).to_dict()["uncertainty"] is None
             with pytest.raises(tv.AccuracyError):
                 assert bare > 0
-    cycle = disk.limit_cycle("30.4", half_widths=False)
+    cycle = DISK.limit_cycle("30.4", half_widths=False)
     assert cycle.stable is True
     assert "(no half-width)" in repr(cycle)
     for overview in (
-        disk.branch(half_widths=False).cycles,
-        disk.rotating_branch(half_widths=False),
+        DISK.branch(half_widths=False).cycles,
+        DISK.rotating_branch(half_widths=False),
     ):
         assert not any(cycle.period.is_measured for cycle in overview)
-    branch = disk.branch(["30.4", "30.5"], half_widths=False)
+    branch = DISK.branch(["30.4", "30.5"], half_widths=False)
     assert set(branch.uncertainty["period"]) == {math.inf}
     assert "(no half-width)" in str(branch)

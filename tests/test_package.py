@@ -25,8 +25,9 @@ import tippedisk_verify as tv
             {"heyoka", "scipy", "matplotlib"},
         ),
         (["scene", "d", "--json", "--quiet"], {"matplotlib"}),
+        (["certify", "--help"], {"flint"}),
     ],
-    ids=["import", "closed form", "scene without a folder"],
+    ids=["import", "closed form", "scene without a folder", "help of proofs"],
 )
 def test_nothing_heavy_is_loaded_without_need(command: list[str] | None, heavy: set[str]) -> None:
     program = (
@@ -60,7 +61,7 @@ def test_public_names_exist() -> None:
         assert getattr(tv, name) is not None
     assert set(tv.__all__) <= set(dir(tv))
     with pytest.raises(AttributeError):
-        _ = tv.nothing  # type: ignore[attr-defined]
+        _ = tv.nothing
 
 
 @pytest.mark.parametrize(

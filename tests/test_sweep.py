@@ -13,11 +13,9 @@ from typing import Any
 import pytest
 
 from tests.command_line import answer, printed, rows_of
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify import AccuracyError, Disk, InputError, omega_crit
 from tippedisk_verify.sweep import running
 from tippedisk_verify.sweep.plan import SweepPlan, parse_axis, run_analysis
-from tippedisk_verify.theory.hopf import omega_crit
 
 DISK = Disk("table1")
 

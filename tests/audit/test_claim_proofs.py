@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from tests.command_line import printed
-from tests.test_cli import GOOD
+from tests.command_line import TABLE_1_FILE, printed
 from tippedisk_verify.audit.claim_catalogue import CLAIMS, select_claims
 from tippedisk_verify.audit.claim_proofs import ClaimProof, proof_of
 from tippedisk_verify.audit.claims import Audit, Claim, Finding, examine_claim, rounds_to, sets_with
@@ -146,7 +145,6 @@ def _prove(claim: Claim, finding: Finding, proof: ClaimProof, sets: Collection[s
         assert DECIDED[claim.name](told, claim) is finding.holds[name], (claim.name, name)
         if claim.name in NUMBERS:
             mine, theirs = _measured(told[0][NUMBERS[claim.name]]), finding.computed[name]
-            assert isinstance(theirs, Measured)
             assert abs(mine.value - theirs.value) <= mine.uncertainty + theirs.uncertainty, (
                 claim.name,
                 name,
@@ -172,7 +170,7 @@ def test_closed_forms_are_proved_again(
 ) -> None:
     """Include a disk whose name is a file's, which is read where the command runs."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my disk.toml").write_text(GOOD.replace("9.81", "9.79"), encoding="utf-8")
+    (tmp_path / "my disk.toml").write_text(TABLE_1_FILE.replace("9.81", "9.79"), encoding="utf-8")
     parameters = Parameters.named("./my disk.toml").with_friction(friction)
     #: Theorems that are spoken of for the named sets only
     named = {"table_1", "chi", "supercritical"}
@@ -287,6 +285,5 @@ def test_a_number_next_to_a_rounding_boundary_is_not_called_proved() -> None:
         "table1": Measured(Fraction(-129), Fraction(0)),
     }
     proof = proof_of(claim, Finding(computed, {"edge.toml": True, "table1": False}), sets)
-    assert proof is not None
     assert set(proof.commands) == {"table1"}
     assert "edge.toml" in proof.not_proved

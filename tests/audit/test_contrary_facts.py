@@ -14,6 +14,7 @@ from typing import Any, get_args
 
 import pytest
 
+from tippedisk_verify import PRINTED, Audit, Measured, Parameters, Taylor, Verdict, heteroclinic
 from tippedisk_verify.audit import (
     balance_claims,
     claims,
@@ -24,14 +25,10 @@ from tippedisk_verify.audit import (
     manifold_claims,
 )
 from tippedisk_verify.audit.claim_catalogue import CLAIMS
-from tippedisk_verify.audit.claims import Audit, Claim, FaultKind, Verdict, examine_claim
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify.audit.claims import Claim, FaultKind, examine_claim
 from tippedisk_verify.flow import scipy_engine
-from tippedisk_verify.flow.taylor import Taylor
 from tippedisk_verify.model import equations
-from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.motion.basins import OUTCOMES
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory import one_harmonic_law
 from tippedisk_verify.theory.equilibria import linearization
 from tippedisk_verify.theory.slow_manifold import (
@@ -51,7 +48,7 @@ class OneDisk(Audit):
     """An audit of its own disk only, which takes a third of the time."""
 
     @property
-    def sets(self) -> dict[str, Parameters]:  # type: ignore[override]
+    def sets(self) -> dict[str, Parameters]:
         return {self.parameters.name: self.parameters}
 
 

@@ -69,7 +69,6 @@ def right(store: Store, row: dict[str, str]) -> list[float]:
 @pytest.mark.skipif(FORTRAN is None, reason="no gfortran on this machine")
 @pytest.mark.parametrize("law", ["linear", "smooth"])
 def test_what_auto_calls(law: str, tmp_path: Path) -> None:
-    assert FORTRAN is not None
     text = TEXT.replace(
         ".false.               ! the friction law",
         f".{str(law == 'smooth').lower()}. ! the friction law",

@@ -1,5 +1,5 @@
-"""Programs in six languages, written from the paper alone, answer questions: two whole ones and
-four starters.
+"""Programs in six languages, written from the paper alone, answer questions: two whole ones, four
+starters, and answerers that take a question a line.
 
 That they agree with the reference data is also evidence for the data: nothing is shared but the
 paper.
@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import shutil
 import subprocess
 import sys
@@ -20,8 +21,9 @@ import pytest
 from tippedisk_verify.commands.conformance_sources import CLIENTS, FOLDER
 from tippedisk_verify.conformance import client_text
 from tippedisk_verify.conformance.diagnosis import diagnose
-from tippedisk_verify.conformance.grading import Grade, grade_answers
+from tippedisk_verify.conformance.grading import Grade, compare, grade_answers
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
+from tippedisk_verify.reference_values.grading_rules import question_fields
 from tippedisk_verify.reference_values.store import Store, load_store
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
@@ -49,11 +51,6 @@ FAULTS = (
     "in f_G: -m g r cos(beta) for -m g rho cos(beta)",
     "the inputs: mu = 0.33",
 )
-
-
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
 
 
 @pytest.fixture(scope="module")
@@ -227,3 +224,64 @@ def test_a_starter_is_short_and_right(language: str, store: Store, tmp_path: Pat
     # A step of 1e-4 s against rates of about 30 1/s, to the fourth power, and orbits that amplify
     # by some hundred.
     assert _least(grades, 6) >= 7
+
+
+# ---------------------------------------------------------------------- answerers, a line at a time
+EXAMPLES = Path(__file__).parents[2] / "examples" / "answerers"
+#: What builds each, and what runs it.
+COMMANDS: dict[str, tuple[list[str], list[str]]] = {
+    "answerer.c": (
+        [
+            "cc",
+            "-O2",
+            "-std=c99",
+            "-Wall",
+            "-Wextra",
+            "-Werror",
+            "-o",
+            "answerer",
+            "answerer.c",
+            "-lm",
+        ],
+        ["./answerer"],
+    ),
+    "answerer.f90": (
+        ["gfortran", "-O2", "-std=f2008", "-Wall", "-o", "answerer", "answerer.f90"],
+        ["./answerer"],
+    ),
+    "answerer.m": ([], [OCTAVE or "octave", "--no-gui", "--quiet", "answerer.m"]),
+    "answerer.mjs": ([], ["node", "answerer.mjs"]),
+    "answerer.py": ([], [sys.executable, "answerer.py"]),
+}
+
+
+@pytest.mark.parametrize("file", COMMANDS)
+def test_questions_are_answered_line_by_line(file: str, tmp_path: Path) -> None:
+    build, command = COMMANDS[file]
+    if shutil.which((build or command)[0]) is None:
+        pytest.skip(f"nothing on this machine runs {file}")
+    shutil.copy(EXAMPLES / file, tmp_path)
+    if build:
+        subprocess.run(build, check=True, cwd=tmp_path)
+    store = load_store()
+    asked = store.matching("table1/both/rhs/001/")
+    lines = [
+        json.dumps(question_fields(store.parameters["table1"], quantity)) for quantity in asked
+    ]
+    done = subprocess.run(
+        command,
+        input="\n".join(lines) + "\n",
+        check=True,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    answers = {
+        answer["id"]: answer["answer"] for answer in map(json.loads, done.stdout.splitlines())
+    }
+    assert answers.keys() == {quantity.id for quantity in asked}
+    given = {id_: answer for id_, answer in answers.items() if answer is not None}
+    assert {id_.rpartition("/")[2] for id_ in given} >= {"f_G", "w_y", "gamma_y", "gamma_rate"}
+    for id_, answer in given.items():
+        assert compare(id_, answer).digits > 13

@@ -166,7 +166,6 @@ def _said(text: str) -> Said:
 
 def _by_octave(names: list[str], folder: Path, table: Path) -> list[str]:
     """One process for all: starting it takes longer than grading."""
-    assert OCTAVE is not None
     call = "try, tippedisk_grade('{}', '{}'); catch fault, disp(fault.message), end, disp('====')"
     calls = "\n".join(call.format(folder / name, table) for name in names)
     command = [OCTAVE, "--no-gui", "--quiet", "--path", str(FOLDER), "--eval", calls]
@@ -175,7 +174,6 @@ def _by_octave(names: list[str], folder: Path, table: Path) -> list[str]:
 
 
 def _by_node(names: list[str], folder: Path, table: Path) -> list[str]:
-    assert NODE is not None
     program = [NODE, str(FOLDER / GRADERS["javascript"])]
     return [
         subprocess.run(

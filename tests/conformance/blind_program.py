@@ -1,7 +1,8 @@
-"""A program that answers a sheet of questions, levels 1 to 5, written from the paper's equations
-alone.
+"""A program that answers a sheet of questions, levels 1 to 5.
 
-`mistakes.py` runs it with changed texts.
+Levels 1 and 2 are written from the paper's equations alone. Every derivative follows from the
+equations, so a mistake in one of them shows wherever a program would have it. The other levels are
+the client's (conformance/clients/client.py). `mistakes.py` runs both with changed texts.
 """
 
 import cmath
@@ -9,7 +10,7 @@ import itertools
 import math
 
 import numpy as np
-from blind_theory import harmonic_balance, hopf_point, slow_manifold
+from client import harmonic_balance, hopf, slow_manifold
 
 PARAMETERS = ("r", "e", "m", "A", "B", "g", "mu", "epsilon")
 HALF_PI = math.pi / 2
@@ -75,10 +76,6 @@ def equilibrium(p, row):
     return found
 
 
-def hopf(p, row):
-    return hopf_point(p, model, jacobian)
-
-
 def rhs(p, row):
     smooth = row["friction"] == "smooth"
     Omega = float(row["Omega"])
@@ -93,16 +90,26 @@ def rhs(p, row):
     return found
 
 
-def manifold(p, row):
-    return slow_manifold(p, float(row["Omega"]), float(row["beta"]), float(row["gamma"]))
+def by_client(function):
+    """Return a solver that asks the client, which works on arrays of entries, for one."""
+
+    def solve(p, row):
+        inputs = {
+            name: np.array([float(row[name] or "nan")]) for name in ("Omega", "beta", "gamma")
+        }
+        inputs["form"] = np.array([row["form"]])
+        found = function(tuple(np.array([x]) for x in p), False, inputs, {"h_5"})
+        return {name: value[0] for name, value in found.items()}
+
+    return solve
 
 
 SOLVERS = {
     "rhs": rhs,
     "equilibrium": equilibrium,
-    "hopf": hopf,
-    "harmonic-balance": harmonic_balance,
-    "slow-manifold": manifold,
+    "hopf": by_client(hopf),
+    "harmonic-balance": by_client(harmonic_balance),
+    "slow-manifold": by_client(slow_manifold),
 }
 
 

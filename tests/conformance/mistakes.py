@@ -18,13 +18,17 @@ from pathlib import Path
 from random import Random
 from typing import Any, NamedTuple
 
+from tippedisk_verify.conformance import CLIENTS_FOLDER
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.grading import Grade, grade_answers
 from tippedisk_verify.conformance.sheet import Answers, collect_answers, questions, sheet_csv
 from tippedisk_verify.reference_values.store import is_optional, load_store
 
 FOLDER = Path(__file__).parent
-PROGRAM_TEXTS = [(FOLDER / name).read_text() for name in ("blind_theory.py", "blind_program.py")]
+PROGRAM_TEXTS = [
+    (folder / name).read_text()
+    for folder, name in ((CLIENTS_FOLDER, "client.py"), (FOLDER, "blind_program.py"))
+]
 _BBAR = "Bbar = B - m * e**2\n    sb, cb, sg"
 _RHO = "rho = r + e * sg\n    inertia = A * cg**2"
 
@@ -211,46 +215,48 @@ FORMULA_MISTAKES: dict[str, Mistake] = {
         r"A_31: the sign of -Omega\^2",
     ),
     "hopf-speed": Mistake(
-        "m * g * (r + e) ** 2 / (Bbar * r)",
-        "m * g * (r + e) / Bbar",
+        "sqrt((r + e) ** 2 / r * m * g / Bbar)",
+        "sqrt((r + e) * m * g / Bbar)",
         r"omega_crit_squared: m g "
         r"\(r \+ e\) / Bbar for",
     ),
     "hopf-slope": Mistake(
-        "4 * abs(q[0]) ** 2 * square", "4 * abs(q[0]) * square", "4 q_beta rate_real / c_real for"
+        "4 * abs(q[0]) ** 2 * z_squared_slope",
+        "4 * abs(q[0]) * z_squared_slope",
+        "4 q_beta rate_real / c_real for",
     ),
     "hopf-modulus": Mistake(
-        "c1.real / omega", "abs(c1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"
+        "c_1.real / omega", "abs(c_1) / omega", r"sqrt\(c_real\^2 \+ c_imag\^2\)"
     ),
     "law-chi": Mistake("A * (r - 2 * e)", "A * (r - e)", r"chi: A \(r - e\) for"),
-    "law-delta": Mistake("C**2 / 8)", "C**2 / 4)", "delta: -1/4 Omega"),
+    "law-delta": Mistake("delta = -1 / 8", "delta = -1 / 4", "delta: -1/4 Omega"),
     "law-denominator": Mistake(
-        "+ m * g * e * (r + e))\n    C",
-        "+ m * g * (r + e))\n    C",
+        "+ m * g * e * (r + e)))",
+        "+ m * g * (r + e)))",
         "denominator: the factor e is missing",
     ),
     "law-hertz": Mistake(
-        '"frequency": frequency,',
-        '"frequency": frequency / (2 * math.pi),',
+        '"frequency": omega,',
+        '"frequency": omega / (2 * pi),',
         r"frequency has the "
         r"factor 1/\(2 pi\)",
     ),
     "manifold-h_0": Mistake(
-        "h = [e * Omega * sb * cg / rho]",
-        "h = [e * Omega * cg / rho]",
+        "series_quotient(series_product(sin_beta, cos_gamma), rho)",
+        "series_quotient(cos_gamma, rho)",
         r"h_0: the factor "
         r"sin\(beta\) is missing",
     ),
     "manifold-h_4": Mistake(
-        "\n        + m * e * Omega**2 * rho * sb * cb * cb * cb * sg",
-        "",
+        "free = gyroscopic + eccentric + gravity",
+        "free = gyroscopic + gravity",
         "h_4: the term .* is missing",
     ),
     "manifold-residual": Mistake(
-        "total - by_gamma * Omega", "total + by_gamma * Omega", "transport: the sign of slope_gamma"
+        "v - dv_dgamma * Omega", "v + dv_dgamma * Omega", "transport: the sign of slope_gamma"
     ),
     "manifold-order": Mistake(
-        'found[f"h_{n}"]', 'found[f"h_{n + 1}"]', "the values of the previous order"
+        'answers[f"h_{n}"]', 'answers[f"h_{n + 1}"]', "the values of the previous order"
     ),
 }
 
@@ -292,15 +298,15 @@ class DiagnosedMistakes(NamedTuple):
 
 def patched_program(patches: list[tuple[str, str]]) -> dict[str, Any] | None:
     """The program with replacements in its texts; None where one does not fit in exactly one
-    place.
+    place of the last text that has it.
     """
     texts = list(PROGRAM_TEXTS)
     for old, new in patches:
-        counts = [text.count(old) for text in texts]
-        if sum(counts) != 1:
+        place = max(range(len(texts)), key=lambda n: (old in texts[n], n))
+        if texts[place].count(old) != 1:
             return None
-        texts = [text.replace(old, new) for text in texts]
-    for name, text in zip(("blind_theory", "program"), texts, strict=True):
+        texts[place] = texts[place].replace(old, new)
+    for name, text in zip(("client", "program"), texts, strict=True):
         sys.modules[name] = types.ModuleType(name)
         exec(compile(text, name, "exec"), sys.modules[name].__dict__)
     return sys.modules["program"].__dict__

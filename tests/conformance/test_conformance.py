@@ -16,8 +16,8 @@ import pytest
 from rich.console import Console
 
 import tippedisk_verify as tv
+from tests.command_line import answer, assert_refused, printed
 from tests.report.test_page import Page
-from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.diagnosis import diagnose
 from tippedisk_verify.conformance.grade_pages import Report, html_page, print_report
 from tippedisk_verify.conformance.grading import (
@@ -34,14 +34,10 @@ from tippedisk_verify.conformance.sheet import (
     sheet_json,
 )
 from tippedisk_verify.reference_values.grading_rules import QUESTION_COLUMNS
-from tippedisk_verify.reference_values.store import Store, load_store
+from tippedisk_verify.reference_values.store import Store
+from tippedisk_verify.support.files import csv_text
 
 OMEGA_CRIT = "table1/linear/hopf/point/omega_crit"
-
-
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
 
 
 def _answers(given: dict[str, str], reading: str = "doubles") -> Answers:
@@ -76,11 +72,7 @@ def test_the_truth_gets_full_marks_in_either_form_and_reading(
         for n, row in enumerate(rows):
             reading = "doubles" if n % 2 and "doubles" in store[row["id"]].values else "decimals"
             row["from"], row["answer"] = reading, store[row["id"]].values[reading][0]
-        stream = io.StringIO(newline="")
-        table = csv.DictWriter(stream, QUESTION_COLUMNS, lineterminator="\n")
-        table.writeheader()
-        table.writerows(rows)
-        path.write_text(stream.getvalue())
+        path.write_text(csv_text(QUESTION_COLUMNS, [[*row.values()] for row in rows]))
     else:
         content = json.loads(text)
         content["from"] = "decimals"
@@ -120,10 +112,10 @@ def test_what_is_exact_and_what_agrees(store: Store) -> None:
         doubles: "agrees",
         "30.9": "wrong",
     }
-    for answer, verdict in (answers | {str(cut + Decimal("1e-12")): "agrees"}).items():
-        grade = compare(OMEGA_CRIT, answer, reading="decimals")
+    for text, verdict in (answers | {str(cut + Decimal("1e-12")): "agrees"}).items():
+        grade = compare(OMEGA_CRIT, text, reading="decimals")
         assert (grade.verdict, grade.digits < 60) == (verdict, True)
-        assert "inputs were rounded" in grade.note or answer != doubles
+        assert "inputs were rounded" in grade.note or text != doubles
     for quantity in store.matching("table1/both/rhs/00"):
         assert compare(quantity.id, quantity.for_doubles).verdict == "exact"
         assert (
@@ -140,12 +132,6 @@ def test_what_is_exact_and_what_agrees(store: Store) -> None:
 
 
 # ----------------------------------------------------------------------------------- damaged sheets
-def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
-    path = tmp_path / name
-    path.write_bytes(content)
-    return main(["conformance", "grade", str(path), "--quiet"])
-
-
 @pytest.mark.parametrize(
     "content",
     [
@@ -170,40 +156,27 @@ def _graded(tmp_path: Path, content: bytes, name: str = "a.csv") -> int:
         "id,answer\n".encode("utf-16"),
     ],
 )
-def test_files_that_are_no_sheet(
-    content: bytes, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    status = _graded(tmp_path, content)
-    told = capsys.readouterr().err
-    assert status == 2
-    assert told.count("\n") == 1
-    assert "Traceback" not in told
+def test_files_that_are_no_sheet(content: bytes, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(content)
+    assert_refused(["conformance", "grade", str(tmp_path / "a.csv")])
 
 
-def test_a_sheet_with_answers_is_not_written_over(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_sheet_with_answers_is_not_written_over(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text(f"id,answer\n{OMEGA_CRIT},30.9\n")
-    assert main(["conformance", "questions", str(path)]) == 2
-    assert "has 1 answers" in capsys.readouterr().err
     # With a mistake in it it is still somebody's work
-    path.write_text(f"id,answer\n{OMEGA_CRIT},30,9\n")
-    assert main(["conformance", "questions", str(path)]) == 2
-    assert "give another name" in capsys.readouterr().err
+    for number, says in (("30.9", "has 1 answers"), ("30,9", "give another name")):
+        path.write_text(f"id,answer\n{OMEGA_CRIT},{number}\n")
+        assert says in assert_refused(["conformance", "questions", str(path)])
     path.write_text("id,answer\n")
-    assert main(["conformance", "questions", str(path), "--levels", "3", "--quiet"]) == 0
+    printed(f"conformance questions {path} --levels 3 --quiet")
 
 
-def test_partial_repeated_and_unknown_answers(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_partial_repeated_and_unknown_answers(tmp_path: Path) -> None:
     truth = repr(float(tv.reference(OMEGA_CRIT)))
     rows = f"{OMEGA_CRIT},{truth}\n{OMEGA_CRIT},1\n../../etc/passwd,1\nprinted/nowhere,\nshort\n"
     path = tmp_path / "a.csv"
     path.write_text("\ufeffid,answer\n" + rows)
-    assert main(["conformance", "grade", str(path), "--json"]) == 0
-    result = json.loads(capsys.readouterr().out)
+    result = answer(f"conformance grade {path}")
     assert [grade["verdict"] for grade in result["grades"]] == ["exact"]
     assert result["unknown"] == ["../../etc/passwd"]
     assert len(result["remarks"]) == 4

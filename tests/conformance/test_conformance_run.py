@@ -21,8 +21,8 @@ from typing import Any
 
 import pytest
 
-from tests.stress.strikes import INTERRUPTED, Struck
-from tippedisk_verify.cli import main
+from tests.command_line import answer, assert_refused, printed, ran
+from tests.stress.runs import INTERRUPTED, Struck
 from tippedisk_verify.conformance.sheet import question_row
 from tippedisk_verify.reference_values.store import load_store
 from tippedisk_verify.support import dialogue
@@ -80,12 +80,9 @@ def clock(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dialogue, "time", mine)
 
 
-def _ran(
-    command: list[str], capsys: pytest.CaptureFixture[str], *options: str
-) -> tuple[int, dict[str, Any], str]:
-    status = main([*RUN, *options, "--json", "--", *command])
-    out, err = capsys.readouterr()
-    return status, json.loads(out) if out else {}, err
+def _ran(command: list[str], *options: str) -> tuple[int, dict[str, Any], str]:
+    done = ran([*RUN, *options, "--json", "--", *command])
+    return done.status, json.loads(done.out), done.err
 
 
 def _agree(graded: dict[str, Any]) -> int:
@@ -113,17 +110,13 @@ def test_a_question_can_be_cut_out_between_quotes(tmp_path: Path) -> None:
         for text in row.values()
     )
     kept = tmp_path / "kept"
-    assert main([*RUN, "--quiet", "--", "tee", str(kept)]) == 0
+    assert ran([*RUN, "--", "tee", str(kept)]).status == 0
     cut = [re.findall(r'"(\w+)": "([^"]*)"', line) for line in kept.read_text().splitlines()]
     assert [dict(pairs) for pairs in cut[1:]] == [row for row in rows if row["id"] in ASKED]
 
 
-def test_a_program_is_graded_and_timed(
-    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
-    status, graded, err = _ran(
-        program(WELL), capsys, "--out", str(tmp_path / "out"), "--require", "3"
-    )
+def test_a_program_is_graded_and_timed(program: Callable[[str], list[str]], tmp_path: Path) -> None:
+    status, graded, err = _ran(program(WELL), "--out", str(tmp_path / "out"), "--require", "3")
     assert (status, err, graded["remarks"][1:]) == (0, "", [])
     assert graded["remarks"][0] == "6 answers do not say from which inputs; graded as from doubles"
     assert _agree(graded) == len(ASKED) == 6
@@ -137,8 +130,8 @@ def test_a_program_is_graded_and_timed(
         "grades.html",
     ]
     assert "to start up" in (tmp_path / "out" / "grades.html").read_text()
-    assert main(["conformance", "grade", str(tmp_path / "out" / "answers.jsonl"), "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["grades"] == graded["grades"]
+    again = answer(f"conformance grade {tmp_path / 'out' / 'answers.jsonl'}")
+    assert again["grades"] == graded["grades"]
 
 
 @pytest.mark.parametrize(
@@ -198,12 +191,9 @@ def test_a_program_is_graded_and_timed(
     ],
 )
 def test_odd_programs_are_graded_in_full(
-    body: str,
-    remark: str | None,
-    program: Callable[[str], list[str]],
-    capsys: pytest.CaptureFixture[str],
+    body: str, remark: str | None, program: Callable[[str], list[str]]
 ) -> None:
-    status, graded, err = _ran(program(body), capsys)
+    status, graded, err = _ran(program(body))
     assert err.count("\n") <= 1
     assert len(err) < 400
     noted = [one for one in graded["remarks"] if "graded as from doubles" not in one]
@@ -234,16 +224,12 @@ _NAMES = ["hangs", "one line", "murmurs", "closed", "status", "signal", "half"]
 @pytest.mark.usefixtures("clock")
 @pytest.mark.parametrize(("body", "remark"), BROKEN, ids=_NAMES)
 def test_what_was_answered_is_graded(
-    body: str,
-    remark: str,
-    program: Callable[[str], list[str]],
-    capsys: pytest.CaptureFixture[str],
-    tmp_path: Path,
+    body: str, remark: str, program: Callable[[str], list[str]], tmp_path: Path
 ) -> None:
     pid = tmp_path / "pid"
     body = f"open({str(pid)!r}, 'w').write(str(os.getpid()))\nsaid(asked()); said(asked())\n{body}"
     out = tmp_path / "out"
-    status, graded, err = _ran(program(body), capsys, "--limit", "7", "--out", str(out))
+    status, graded, err = _ran(program(body), "--limit", "7", "--out", str(out))
     assert status == 0
     assert remark in graded["remarks"][0]
     assert _agree(graded) == 2
@@ -253,19 +239,17 @@ def test_what_was_answered_is_graded(
         os.kill(int(pid.read_text()), 0)
 
 
-def test_a_gate_does_not_let_pass_what_breaks_off(
-    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_gate_does_not_let_pass_what_breaks_off(program: Callable[[str], list[str]]) -> None:
     command = program("said(asked()); os._exit(3)")
-    status, graded, _ = _ran(command, capsys, "--require", "3")
+    status, graded, _ = _ran(command, "--require", "3")
     assert (status, _agree(graded)) == (1, 1)
     assert "ended with status 3" in graded["shortcomings"][0]
-    assert main([*RUN, "--quiet", "--", *command]) == 0
-    assert main([*RUN, "--quiet", "--expected-failures", "/dev/null", "--", *command]) == 2
+    assert ran([*RUN, "--", *command]).status == 0
+    assert_refused([*RUN, "--expected-failures", "/dev/null", "--", *command])
 
 
 def test_a_program_that_keeps_its_answers_in_a_buffer_is_told_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     script = tmp_path / "program.py"
     script.write_text(
@@ -280,19 +264,18 @@ def test_a_program_that_keeps_its_answers_in_a_buffer_is_told_so(
         perf_counter=time.perf_counter, monotonic=lambda: 1e6 if (tmp_path / "done").exists() else 0
     )
     monkeypatch.setattr(dialogue, "time", ticks)
-    command = [*RUN[:-1], "1", "--json", "--", sys.executable, str(script)]
-    assert main(command) == 0
-    graded = json.loads(capsys.readouterr().out)
+    words = f"conformance run --set table1 --levels 1 --json -- {sys.executable} {script}"
+    graded = json.loads(printed(words))
     assert "it must flush its output after each line" in graded["remarks"][0]
     assert len(graded["grades"]) == 1
 
 
 @pytest.mark.usefixtures("clock")
 def test_a_program_that_stays_when_its_input_ends_is_ended(
-    program: Callable[[str], list[str]], capsys: pytest.CaptureFixture[str]
+    program: Callable[[str], list[str]],
 ) -> None:
     body = "for _ in range(6): said(asked())\nsys.stdin.read(); forever()"
-    status, graded, _ = _ran(program(body), capsys, "--require", "3")
+    status, graded, _ = _ran(program(body), "--require", "3")
     assert (status, _agree(graded)) == (0, 6)
     assert graded["remarks"][0].endswith("went on when its input had ended, and was ended")
 
@@ -324,13 +307,11 @@ def wait_for_the_end(pid: str) -> None:
             time.sleep(0.01)
 
 
-def test_children_of_a_program_end_with_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_children_of_a_program_end_with_it(tmp_path: Path) -> None:
     pid = tmp_path / "pid"
     script = f"sleep 1000 & echo $! > {pid}; echo no more; exit 3"
-    assert main([*RUN, "--", "sh", "-c", script]) == 2
-    assert "sh ended with status 3 before it answered" in capsys.readouterr().err
+    refused = assert_refused([*RUN, "--", "sh", "-c", script])
+    assert "sh ended with status 3 before it answered" in refused
     wait_for_the_end(pid.read_text().strip())
 
 
@@ -338,29 +319,24 @@ def test_children_of_a_program_end_with_it(
     "name", ["nowhere/program", "no such program", "", "folder", "./file", "./text", "a\0b"]
 )
 def test_what_cannot_be_started_is_refused_in_one_line(
-    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("#!/bin/sh\n")
     (tmp_path / "text").write_text("no program\n")
     (tmp_path / "text").chmod(0o755)
-    assert main([*RUN, "--out", "out", "--", name]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert "cannot be started: " in err
+    assert "cannot be started: " in assert_refused([*RUN, "--out", "out", "--", name])
     assert list((tmp_path / "out").iterdir()) == []
 
 
-def test_a_program_that_never_answers_is_bad_input(capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_program_that_never_answers_is_bad_input() -> None:
     """Its last words are in the line."""
-    assert main([*RUN, "--", sys.executable, "nowhere.py"]) == 2
-    out, err = capsys.readouterr()
-    assert (out, err.count("\n")) == ("", 1)
-    assert "ended with status 2 before it answered table1/both/rhs/001/M: " in err
-    assert "nowhere.py" in err
-    assert main([*RUN, "--limit", "0.01", "--", "sleep", "1000"]) == 2
-    assert "did not answer table1/both/rhs/001/M within 0.01 s" in capsys.readouterr().err
+    line = assert_refused([*RUN, "--", sys.executable, "nowhere.py"])
+    assert "ended with status 2 before it answered table1/both/rhs/001/M: " in line
+    assert "nowhere.py" in line
+    line = assert_refused([*RUN, "--limit", "0.01", "--", "sleep", "1000"])
+    assert "did not answer table1/both/rhs/001/M within 0.01 s" in line
 
 
 def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: Path) -> None:
@@ -368,15 +344,13 @@ def test_ctrl_c_loses_no_answer(program: Callable[[str], list[str]], tmp_path: P
     out.mkdir()
     command = program(f"open({str(pid)!r}, 'w').write(str(os.getpid()))\n" + WELL)
     # The fifth line is the answer to the fourth question that counts, and not yet taken.
-    status, printed, told = Struck(tmp_path / "hand").at(
+    end = Struck(tmp_path / "hand").at(
         "call parse_answer_line 5", [*RUN, "--out", str(out), "--", *command]
     )
-    assert (status, printed, told) == (130, "", INTERRUPTED)
+    assert end == (130, "", INTERRUPTED)
     assert [path.name for path in out.iterdir()] == ["answers.jsonl"]
     assert [
         json.loads(line)["id"] for line in (out / "answers.jsonl").read_text().splitlines()
     ] == ASKED[:3]
-    assert (
-        main(["conformance", "grade", str(out / "answers.jsonl"), "--quiet", "--require", "3"]) == 0
-    )
+    printed(f"conformance grade {out / 'answers.jsonl'} --require 3")
     wait_for_the_end(pid.read_text())

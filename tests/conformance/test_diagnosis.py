@@ -47,11 +47,6 @@ PARAMETERS = {
 }
 
 
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
-
-
 def _diagnosed(given: dict[str, str], store: Store) -> list[Diagnosis]:
     return diagnose(
         grade_answers(Answers({id_: ("doubles", answer) for id_, answer in given.items()}), store),
@@ -96,15 +91,12 @@ def test_mistakes_in_the_equations_are_named_several_at_once(listed: str) -> Non
 @pytest.mark.parametrize("names", [("Bbar-plus", "inertia-exchanged"), ("h2-B", "h2-sine")])
 def test_mistakes_whose_effects_multiply_are_both_named(names: tuple[str, str]) -> None:
     found = diagnose_planted(names)
-    assert found is not None
     assert found.named == set(names)
     assert found.false_causes == ()
 
 
 def test_a_relation_to_the_values_of_a_program_with_mistakes_is_named(store: Store) -> None:
-    mistake = EQUATION_MISTAKES["Bbar-B"]
-    program = patched_program([(mistake.old, mistake.new)])
-    assert program is not None
+    program = patched_program([EQUATION_MISTAKES["Bbar-B"][:2]])
     answers = {
         id_: float(text) / (2 * math.pi if "/equilibrium/" in id_ else 1)
         for id_, text in program["answered"](question_rows(range(1, 3))).items()
@@ -120,9 +112,8 @@ LEVELS = {"eigenvalues": 2, "equilibrium": 2, "hopf": 3, "law": 4, "manifold": 5
 
 @pytest.mark.parametrize("name", FORMULA_MISTAKES)
 def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
-    *patch, says = FORMULA_MISTAKES[name]
-    program = patched_program([(patch[0], patch[1])])
-    assert program is not None
+    old, new, says = FORMULA_MISTAKES[name]
+    program = patched_program([(old, new)])
     level = LEVELS[name.partition("-")[0]]
     diagnoses = diagnose(grades_of(program, range(level, level + 1)), load_store())
     causes = " | ".join(cause for one in diagnoses for _, cause in one.causes)
@@ -131,7 +122,6 @@ def test_a_mistake_at_levels_2_to_5_is_named(name: str) -> None:
 
 def test_right_programs_have_no_diagnosis() -> None:
     program = patched_program([])
-    assert program is not None
     assert diagnose(grades_of(program, range(1, 6), "."), load_store()) == []
 
 
@@ -212,13 +202,13 @@ def test_a_relation_to_right_answers_is_named(
 
 @pytest.mark.parametrize("definitions", [LINEAR, SMOOTH], ids=["linear", "smooth"])
 def test_derivatives_agree_with_differences(definitions: dict[str, tuple[object, ...]]) -> None:
-    at = EquationValues(definitions, {**PARAMETERS, **STATE})  # type: ignore[arg-type]
+    at = EquationValues(definitions, {**PARAMETERS, **STATE})
     for name in ("beta", "gamma", "v"):
         step = 1e-5
         sides = [
             EquationValues(definitions, {**PARAMETERS, **STATE, name: STATE[name] + sign * step})
             for sign in (1, -1)
-        ]  # type: ignore[arg-type]
+        ]
         slope = (sides[0]["v_rate"] - sides[1]["v_rate"]) / (2 * step)
         # A step squared, and rounding over it
         np.testing.assert_allclose(at[f"dv_rate_d{name}"], slope, rtol=1e-6)

@@ -21,15 +21,10 @@ from tippedisk_verify.conformance.grading import (
 )
 from tippedisk_verify.conformance.sheet import Answers, read_answers
 from tippedisk_verify.reference_values.grading_rules import DIGITS_REQUIRED, digits_needed
-from tippedisk_verify.reference_values.store import Store, load_store
+from tippedisk_verify.reference_values.store import Store
 
 HET = "near-heteroclinic/het+1e-8"
 CRIT = "table1/linear/hopf/point/omega_crit"
-
-
-@pytest.fixture(scope="module")
-def store() -> Store:
-    return load_store()
 
 
 def _grades(given: dict[str, str], store: Store) -> list[Grade]:
@@ -121,25 +116,6 @@ def test_a_level_agrees_only_if_all_of_it_was_answered(store: Store) -> None:
             report.passed,
             not shortcomings(report.levels, report.grades, [3], frozenset()),
         ] == 2 * [verdict in ("agrees", "partial")]
-
-
-# --------------------------------------------------------------------------------- forms of a sheet
-@pytest.mark.parametrize(
-    "text",
-    [
-        f"id\tanswer\n{CRIT}\t30.9\n",
-        f"id;answer\n{CRIT};30.9\n",
-        f'{{"{CRIT}": 30.9}}',
-        f'{{"from": "doubles", "{CRIT}": 30.9}}',
-        f'[{{"id": "{CRIT}", "answer": 30.9}}]',
-        f'{{"id": "{CRIT}", "answer": 30.9}}\n{{"id": "table1/linear/hopf/point/period", "answer": null}}\n',
-        f'\n{{"id": "{CRIT}", "answer": "30.9"}}\n',
-    ],
-)
-def test_other_forms_of_a_sheet(text: str, store: Store, tmp_path: Path) -> None:
-    path = tmp_path / "answers"
-    path.write_text(text)
-    assert read_answers(path, store).by_id == {CRIT: ("doubles", "30.9")}
 
 
 def test_an_entry_of_nothing_but_nan_is_not_answered(store: Store, tmp_path: Path) -> None:

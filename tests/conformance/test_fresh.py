@@ -18,7 +18,7 @@ import pytest
 import tippedisk_verify as tv
 from graded_programs.scipy_program import motion
 from reference_data.make.recipes import CONFIRM
-from tippedisk_verify.cli import main
+from tests.command_line import answer, assert_refused, printed
 from tippedisk_verify.conformance.grading import grade_answers
 from tippedisk_verify.conformance.sheet import (
     questions,
@@ -144,41 +144,22 @@ def answered(text: str, **wrong: float) -> str:
     return "\n".join(lines) + "\n"
 
 
-def test_a_right_program_passes_and_a_number_of_its_own_is_named(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    drawn = ["--states", "20", "--seed", "8", "--levels", "1"]
-    assert main(["conformance", "questions", str(tmp_path / "q.csv"), *drawn]) == 0
+def test_a_right_program_passes_and_a_number_of_its_own_is_named(tmp_path: Path) -> None:
+    printed(f"conformance questions {tmp_path / 'q.csv'} --states 20 --seed 8 --levels 1")
     text = (tmp_path / "q.csv").read_text()
     for name, wrong in (("right", {}), ("mu", {"mu": 0.3})):
         (tmp_path / f"{name}.csv").write_text(answered(text, **wrong))
-    capsys.readouterr()
-    assert (
-        main(["conformance", "grade", str(tmp_path / "right.csv"), "--json", "--require", "1"]) == 0
-    )
-    (level,) = json.loads(capsys.readouterr().out)["levels"]
+    right, own = tmp_path / "right.csv", tmp_path / "mu.csv"
+    (level,) = answer(f"conformance grade {right} --require 1")["levels"]
     assert (level["failed"], level["asked"]) == (0, 20 * 16)
     assert level["least_digits"] > 12
-    assert main(["conformance", "grade", str(tmp_path / "mu.csv"), "--json"]) == 0
-    causes = [one["causes"] for one in json.loads(capsys.readouterr().out)["diagnoses"]]
+    causes = [one["causes"] for one in answer(f"conformance grade {own}")["diagnoses"]]
     assert [[cause["cause"] for cause in here] for here in causes] == [["the inputs: mu = 0.3"]]
-    assert (
-        main(
-            [
-                "conformance",
-                "compare",
-                str(tmp_path / "right.csv"),
-                str(tmp_path / "mu.csv"),
-                "--quiet",
-            ]
-        )
-        == 1
-    )
+    printed(f"conformance compare {right} {own}", status=1)
     (tmp_path / "expected").write_text(
         "fresh-8-*/linear/rhs/*/v_rate\nfresh-8-*/smooth/rhs/*/v_rate\n"
     )
-    expected = ["--expected-failures", str(tmp_path / "expected"), "--quiet"]
-    assert main(["conformance", "grade", str(tmp_path / "mu.csv"), *expected]) == 0
+    printed(f"conformance grade {own} --expected-failures {tmp_path / 'expected'}")
 
 
 def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store) -> None:
@@ -201,7 +182,7 @@ def test_the_ids_are_enough_in_every_form_of_sheet(tmp_path: Path, truths: Store
     assert read_answers(tmp_path / "a.json", found).altered_rows == [f"{ids[0]}, mu"]
 
 
-def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_ids_that_no_draw_gives(tmp_path: Path) -> None:
     wrong = (
         "fresh-5-1/both/rhs/11/M",
         "fresh-05-1/both/rhs/01/M",
@@ -217,9 +198,7 @@ def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[st
     (tmp_path / "a.csv").write_text(
         "id,answer\nfresh-5-1/both/rhs/01/M,1\n" + "".join(f"{id_},1\n" for id_ in wrong)
     )
-    assert main(["conformance", "grade", str(tmp_path / "a.csv"), "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["unknown"] == list(wrong)
+    assert answer(f"conformance grade {tmp_path / 'a.csv'}")["unknown"] == list(wrong)
     for id_ in wrong[:2]:
         with pytest.raises(InputError, match="no reference value"):
             tv.reference(id_)
@@ -227,13 +206,11 @@ def test_ids_that_no_draw_gives(tmp_path: Path, capsys: pytest.CaptureFixture[st
         f"fresh-{seed}-{n}/both/rhs/01/M,1\n" for seed in range(9) for n in range(1, 600)
     )
     (tmp_path / "a.csv").write_text(f"id,answer\n{many}")
-    assert main(["conformance", "grade", str(tmp_path / "a.csv")]) == 2
-    assert "fresh questions for 5391 entries" in capsys.readouterr().err
+    refused = assert_refused(["conformance", "grade", str(tmp_path / "a.csv")])
+    assert "fresh questions for 5391 entries" in refused
 
 
-def test_bad_numbers_of_states_and_seeds(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_bad_numbers_of_states_and_seeds(tmp_path: Path) -> None:
     target = str(tmp_path / "q.csv")
     for words, says in (
         (["--states", "0"], "from 1 to 1000"),
@@ -244,8 +221,5 @@ def test_bad_numbers_of_states_and_seeds(
         (["--states", "5", "--levels", "9"], "level '9'"),
         (["--states", "five"], "not a valid integer"),
     ):
-        assert main(["conformance", "questions", target, *words]) == 2
-        told = capsys.readouterr().err
-        assert says in told
-        assert told.count("\n") == 1
+        assert says in assert_refused(["conformance", "questions", target, *words])
     assert not Path(target).exists()

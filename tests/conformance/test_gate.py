@@ -4,7 +4,6 @@ workflow files that run.
 
 from __future__ import annotations
 
-import json
 import re
 import shlex
 from pathlib import Path
@@ -12,6 +11,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from tests.command_line import answer, assert_refused, printed
 from tippedisk_verify.cli import main
 from tippedisk_verify.conformance.gate import badge, expected_failures, grade_changes
 from tippedisk_verify.conformance.grading import Tally, compare
@@ -39,9 +39,7 @@ def _grade(*arguments: str) -> int:
     return main(["conformance", "grade", *arguments, "--quiet"])
 
 
-def test_required_levels_decide_the_exit_status(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_required_levels_decide_the_exit_status(tmp_path: Path) -> None:
     right, wrong = _sheet(tmp_path / "a.csv"), _sheet(tmp_path / "b.csv", omega_crit=2)
     assert _grade(right) == _grade(wrong) == 0  # a poor grade is a result
     assert (
@@ -53,46 +51,45 @@ def test_required_levels_decide_the_exit_status(
     assert _grade(wrong, "--require", "3") == 1
     # Level 2 was not answered
     assert [_grade(right, "--require", levels) for levels in ("1-3", "3,1-1")] == [1, 0]
-    assert main(["conformance", "grade", wrong, "--require", "1-3", "--json"]) == 1
-    short = json.loads(capsys.readouterr().out)["shortcomings"]
+    short = answer(f"conformance grade {wrong} --require 1-3", status=1)["shortcomings"]
     assert [line.split(",")[0] for line in short] == ["level 2 is required", "level 3"]
     assert CRIT in short[1]
     assert _grade(right, "--require", "0-3") == 2
-    assert main(["conformance", "grade", right, "--require", "1"]) == 0
     # One state of level 1 was answered, and rightly: that passes
-    assert "partial" in capsys.readouterr().out
+    assert "partial" in printed(f"conformance grade {right} --require 1")
 
 
-def test_expected_failures_are_let_pass(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_expected_failures_are_let_pass(tmp_path: Path) -> None:
     wrong = _sheet(tmp_path / "b.csv", omega_crit=2, M=2)
     known = tmp_path / "known.txt"
-    known.write_text(f"# what we know of\n{CRIT}  # see the tracker\n\n{RHS}/M\n")
-    assert _grade(wrong, "--expected-failures", str(known)) == 0
-    assert _grade(wrong, "--require", "1-2", "--expected-failures", str(known)) == 1
+    both = f"# what we know of\n{CRIT}  # see the tracker\n\n{RHS}/M\n"
+    for text, required, status in (
+        (both, (), 0),
+        (both, ("--require", "1-2"), 1),
+        (f"{CRIT}\n", (), 1),
+        (f"{CRIT}\n", ("--require", "3"), 0),
+    ):
+        known.write_text(text)
+        assert _grade(wrong, "--expected-failures", str(known), *required) == status, text
     known.write_text(f"{CROSSING} # three\n#nothing\n")  # a crossing's number is no comment
     assert expected_failures(known, load_store()) == {CROSSING}
-    known.write_text(f"{CRIT}\n")
-    assert _grade(wrong, "--expected-failures", str(known)) == 1
-    assert _grade(wrong, "--expected-failures", str(known), "--require", "3") == 0
     known.write_text(f"{RHS}/*\n{CRIT}\n")
-    assert main(["conformance", "grade", wrong, "--expected-failures", str(known)]) == 0
     # Into a pipe: a sentence is a line, and the diagnosis comes early
-    said = capsys.readouterr().out.splitlines()
+    said = printed(f"conformance grade {wrong} --expected-failures {known}").splitlines()
     assert said[0].startswith("b.csv: level 1, right-hand side, is the first that fails")
     assert any(line.startswith("note: 5 answers pass though expected to fail") for line in said)
     assert said.index("least digits") > next(
         n for n, line in enumerate(said) if "likely cause" in line
     )
     known.write_text("table1/both/rhs/001/N\n")
-    assert _grade(wrong, "--expected-failures", str(known)) == 2
-    assert "no question is" in capsys.readouterr().err
+    command = ["conformance", "grade", wrong, "--expected-failures", str(known)]
+    assert "no question is" in assert_refused(command)
 
 
-def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_two_sheets_are_compared(tmp_path: Path) -> None:
     old = _sheet(tmp_path / "old.csv", h=1 + 1e-11, f_G=2)
     new = _sheet(tmp_path / "new.csv", omega_crit=2, M=0, w_y=1 + 1e-12)  # 0 leaves an answer out
-    assert main(["conformance", "compare", old, new, "--json"]) == 1
-    told = json.loads(capsys.readouterr().out)
+    told = answer(f"conformance compare {old} {new}", status=1)
     kinds = {change["id"].rsplit("/", 1)[1]: change["change"] for change in told["changes"]}
     assert kinds == {
         "omega_crit": "broken",
@@ -102,8 +99,7 @@ def test_two_sheets_are_compared(tmp_path: Path, capsys: pytest.CaptureFixture[s
         "f_G": "mended",
     }
     assert [change["change"] for change in told["changes"]][:3] == ["broken", "gone", "lost"]
-    assert main(["conformance", "compare", old, old]) == 0
-    assert "0 broken, 0 gone, 0 lost, 0 gained" in capsys.readouterr().out
+    assert "0 broken, 0 gone, 0 lost, 0 gained" in printed(f"conformance compare {old} {old}")
     # From sixteen digits to fourteen and a half: an ulp or ten of a double
     truth = float(load_store()[CRIT])
     assert grade_changes([compare(CRIT, truth)], [compare(CRIT, truth * (1 + 3e-15))]) == []
@@ -143,7 +139,7 @@ def test_the_badge(levels: list[Tally], says: str) -> None:
     ],
 )
 def test_what_is_written_goes_over_its_own_kind_only(
-    option: str, name: str, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    option: str, name: str, says: str, tmp_path: Path
 ) -> None:
     answers, target = _sheet(tmp_path / "answers.csv"), tmp_path / name
     before = Path(answers).read_bytes()
@@ -151,8 +147,7 @@ def test_what_is_written_goes_over_its_own_kind_only(
         assert _grade(answers, option, str(target)) == 0
     assert says in target.read_text()
     for other in (answers, str(tmp_path / "other.txt")):
-        assert _grade(answers, option, other) == 2
-        assert capsys.readouterr().err.count("\n") == 1
+        assert_refused(["conformance", "grade", answers, option, other])
     assert Path(answers).read_bytes() == before
     assert {path.name for path in tmp_path.iterdir()} == {"answers.csv", name}
 

@@ -19,6 +19,7 @@ from tippedisk_verify.conformance.grading import grade_answers, tally_levels
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.store import load_store
+from tippedisk_verify.support.files import csv_text
 
 CRIT, PERIOD = "table1/linear/hopf/point/omega_crit", "table1/linear/hopf/point/period"
 RIGHT = {
@@ -104,15 +105,9 @@ def _report(path: Path, text: str) -> Report:
 
 def _among_right_ones(folder: Path, text: str) -> Report:
     """The report on a sheet in which one answer is this text, and the others are right."""
-    stream = io.StringIO(newline="")
-    csv.writer(stream).writerows(
-        [
-            ("id", "from", "answer"),
-            *((id_, "doubles", a) for id_, a in RIGHT.items() if id_ != CRIT),
-        ]
-    )
-    csv.writer(stream).writerow((CRIT, "doubles", text))
-    return _report(folder / "answers.csv", stream.getvalue())
+    answers = {**{id_: a for id_, a in RIGHT.items() if id_ != CRIT}, CRIT: text}
+    rows = ((id_, "doubles", answer) for id_, answer in answers.items())
+    return _report(folder / "answers.csv", csv_text(("id", "from", "answer"), rows))
 
 
 # --------------------------------------------------------------------------------------- one answer
@@ -176,9 +171,15 @@ def test_reasons_are_counted_and_not_too_many(tmp_path: Path) -> None:
         "sep=|\nid|answer\nID|30.9\n",
         "id;answer;remark, mine\nID;30.9;\n",
         "id\tanswer\ta;b,c\nID\t30.9\t\n",
+        '{"ID": 30.9}',
+        '{"from": "doubles", "ID": 30.9}',
+        '[{"id": "ID", "answer": 30.9}]',
+        f'{{"id": "ID", "answer": 30.9}}\n{{"id": "{PERIOD}", "answer": null}}\n',
+        '\n{"id": "ID", "answer": "30.9"}\n',
     ],
 )
-def test_the_separator_is_the_one_that_the_header_has(text: str, tmp_path: Path) -> None:
+def test_every_form_of_a_sheet_is_read(text: str, tmp_path: Path) -> None:
+    """The separator is the one that the header has; JSON comes as an object, a list or lines."""
     answers = _report(tmp_path / "a.csv", text.replace("ID", CRIT)).answers
     assert answers.by_id == {CRIT: ("doubles", "30.9")}
 

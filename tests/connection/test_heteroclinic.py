@@ -7,14 +7,22 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify import (
+    PRINTED,
+    InputError,
+    Parameters,
+    Request,
+    Result,
+    ScipyEngine,
+    Status,
+    bisect_omega_h,
+    heteroclinic,
+)
 from tippedisk_verify.connection import bisection
-from tippedisk_verify.connection.bisection import bisect_omega_h, follow_unstable_manifold
+from tippedisk_verify.connection.bisection import follow_unstable_manifold
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
-from tippedisk_verify.errors import InputError, NoConnectionError
-from tippedisk_verify.flow.contract import EventRecord, Request, Result, Status
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.errors import NoConnectionError
+from tippedisk_verify.flow.contract import EventRecord
 
 
 def test_the_unstable_branch_on_both_sides(taylor) -> None:
@@ -54,8 +62,6 @@ def test_refusals(taylor) -> None:
         heteroclinic(PRINTED.changed(e="0.03", A="0.9e-3", B="0.8e-3", C=None), taylor)
     with pytest.raises(InputError, match="at most 12 digits"):
         heteroclinic(PRINTED, taylor, digits=13, method="scipy")
-    with pytest.raises(InputError, match="1000 digits"):
-        heteroclinic(PRINTED, taylor, digits=1001)
 
 
 def test_a_disk_without_connection_is_refused(taylor) -> None:
@@ -86,7 +92,8 @@ def test_an_engine_without_half_widths_runs_again_at_looser_tolerances() -> None
     engine.measures_error = False
     found = bisect_omega_h(PRINTED, engine).omega_h
     spread = max(speeds) - min(speeds)
-    assert abs(found.value - speeds[0]) < Fraction(1, 10**13)
+    # Bisection ends next to the resolution of doubles of 30 rad/s, 2^-48
+    assert abs(found.value - speeds[0]) < Fraction(16, 2**48)
     assert 4 * spread < found.uncertainty < Fraction(401, 100) * spread
 
 
@@ -108,4 +115,4 @@ def test_scipys_half_width_holds_with_the_smooth_law(taylor) -> None:
     ).omega_h
     found = bisect_omega_h(disk.with_friction("smooth"), ScipyEngine("DOP853")).omega_h
     assert found.holds(truth.value)
-    assert found.uncertainty < Fraction(1, 10**10)
+    assert found.uncertainty < Fraction(1, 10**10)  # eleven digits of it

@@ -11,15 +11,11 @@ import pytest
 from matplotlib.figure import Figure
 
 import tippedisk_verify as tv
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import GEOMETRY, PRINTED, Disk, InputError, bisect_omega_h, omega_crit
 from tippedisk_verify.cycles.branch import Branch
 from tippedisk_verify.cycles.branch_cycles import librating_branch, paper_speeds
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import GEOMETRY, PRINTED
-from tippedisk_verify.theory.hopf import omega_crit
 
 
 def test_paper_sets_follow_their_rule(taylor) -> None:

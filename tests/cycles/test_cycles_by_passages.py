@@ -7,16 +7,20 @@ from fractions import Fraction
 
 import pytest
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    ScipyEngine,
+    bisect_omega_h,
+    cycle_above_omega_h,
+)
 from tippedisk_verify.connection.splitting import splitting_zero
-from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import cycle_by_broyden
 from tippedisk_verify.cycles.near_omega_h.cycles_by_passages import cycle_by_passages
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, Section
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, wider_precision
+from tippedisk_verify.numbers.precision import wider_precision
 
 pytestmark = pytest.mark.skipif(
     wider_precision(DOUBLE) != EXTENDED, reason="needs numbers of 64 bits"
@@ -33,7 +37,6 @@ def compare(taylor, parameters, section: Section, distance: str) -> None:
     quick = cycle_by_passages(section, parameters, omega, taylor, 12)
     flown = cycle_by_broyden(section, parameters, omega, omega_h, taylor, digits=16)
     assert flown.precision == "quadruple"
-    assert quick is not None
     assert quick.precision == "extended"
     for name in number_names(section):
         mine, truth = getattr(quick, name), getattr(flown, name)

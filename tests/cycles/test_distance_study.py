@@ -9,8 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.command_line import answer, printed, ran, rows_of
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import InputError
+from tippedisk_verify import Disk, InputError
 
 HALF_WIDTH_FACTOR = ["1e-9", "1e-11", "1e-13"]
 

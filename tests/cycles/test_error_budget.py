@@ -14,22 +14,15 @@ import numpy
 import pytest
 from scipy import integrate, stats
 
+from tippedisk_verify import DOUBLE, EXTENDED, QUADRUPLE, Disk, Measured, precision_of_bits
 from tippedisk_verify.cycles.families import interpolant
 from tippedisk_verify.cycles.shooting import error_budget
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import bound_lost_logarithms
 from tippedisk_verify.cycles.shooting.return_map import LinearizedReturn
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
-from tippedisk_verify.disk import Disk
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import (
-    DOUBLE,
-    EXTENDED,
-    QUADRUPLE,
-    precision_of_bits,
-    wider_precision,
-)
+from tippedisk_verify.numbers.precision import wider_precision
 
 
 def beyond(twins: int, factor: float) -> float:

@@ -2,18 +2,27 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
 from types import SimpleNamespace
 
-import numpy
 import pytest
 
 from tests.command_line import answer, printed
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tests.honesty.harness import Draw
+from tippedisk_verify import (
+    GEOMETRY,
+    PRINTED,
+    AccuracyError,
+    Disk,
+    InputError,
+    Measured,
+    bisect_omega_h,
+    equilibrium,
+    heteroclinic,
+    hopf_point,
+)
 from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_fold
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
@@ -22,15 +31,11 @@ from tippedisk_verify.cycles.families import folds
 from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS, heteroclinic
+from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS
 from tippedisk_verify.cycles.shooting.section import LIBRATING
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import AccuracyError, InputError, NoConnectionError, NoSuchCycleError
-from tippedisk_verify.model.parameters import GEOMETRY, PRINTED, Parameters
+from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.theory.equilibria import equilibrium
-from tippedisk_verify.theory.hopf import criticality, hopf_point
+from tippedisk_verify.theory.hopf import criticality
 
 FOLDING = PRINTED.changed(A="0.229e-3")
 # The A of Table 1's disks at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2]; and
@@ -286,30 +291,6 @@ def test_command(folding) -> None:
     assert printed("orbit --at-fold") == "folds: none\nfollowed_to: Omega_h\n"
 
 
-def random_disks(count: int, seed: int) -> Iterator[Parameters]:
-    """Yield disks that differ from the paper's in the geometry, the inertia and the friction."""
-    random = numpy.random.default_rng(seed)
-    while count:
-        r = 0.045 * math.exp(random.uniform(-0.4, 0.4))
-        e = r * math.exp(random.uniform(math.log(0.01), math.log(0.3)))
-        mu, epsilon = (
-            0.3 * math.exp(random.uniform(-1.2, 1.2)),
-            0.1 * math.exp(random.uniform(-1.2, 1.2)),
-        )
-        B = 0.249e-3 * random.uniform(0.85, 1)
-        values = {
-            name: f"{value:.6g}"
-            for name, value in {"r": r, "e": e, "mu": mu, "epsilon": epsilon, "B": B}.items()
-        }
-        try:
-            yield PRINTED.changed(
-                **values, name=f"r {r:.4f} e {e:.5f} mu {mu:.3f} epsilon {epsilon:.4f} B {B:.4g}"
-            )
-        except InputError:
-            continue
-        count -= 1
-
-
 @pytest.mark.slow(minutes=0.5)
 @pytest.mark.parametrize(
     "disk",
@@ -318,7 +299,7 @@ def random_disks(count: int, seed: int) -> Iterator[Parameters]:
             PRINTED.changed(A=Fraction(ratio) * PRINTED.Bbar, name=ratio)
             for ratio in ("1.0125", "1.1", "1.2")
         ),
-        *random_disks(3, 1),
+        *(Draw(f"family/{n}").disk(("nearby", "friction"), stiffest=2e3) for n in range(3)),
     ],
     ids=lambda disk: disk.name,
 )

@@ -73,7 +73,6 @@ def test_next_to_omega_h_its_digits_show_the_side(taylor) -> None:
     """
     known, near = cached_locator(PRINTED, taylor), Fraction(1, 10**20)
     omega_h = known.librating_guesses_at(known.omega_h).omega_h
-    assert omega_h is not None
     assert known.librating_guesses_at(omega_h + near).omega_h != known.omega_h
     above, below = (
         known.librating_guesses_at(omega_h + near),

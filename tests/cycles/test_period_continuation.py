@@ -1,4 +1,4 @@
-"""The family by its period: the same cycles, and the way to Omega_h."""
+"""The family by its period: the same cycles, the way to Omega_h, and the half-widths there."""
 
 from __future__ import annotations
 
@@ -8,16 +8,26 @@ from itertools import pairwise
 
 import pytest
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    CALIBRATED,
+    DOUBLE,
+    PRINTED,
+    Measured,
+    bisect_omega_h,
+    equilibrium,
+    heteroclinic,
+    omega_crit,
+    shoot_limit_cycle,
+)
+from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
+from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import with_uncertainty_of_omega_h
 from tippedisk_verify.cycles.near_omega_h.period_continuation import (
+    PeriodContinuation,
     cycle_at_half_period,
     cycles_of_rising_period,
 )
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
+from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import NoSuchCycleError
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE
-from tippedisk_verify.theory.equilibria import equilibrium
 
 
 def first_of(parameters, taylor):
@@ -75,3 +85,45 @@ def test_a_message_names_the_period_at_which_double_drowns(taylor) -> None:
 def test_a_bad_guess_is_refused(taylor) -> None:
     with pytest.raises(NoSuchCycleError):
         cycle_at_half_period(PRINTED, 0.6, (0.1, -5.0, 35.0), taylor)
+
+
+# ------------------------------------------------------------- the speed's uncertainty, and the law
+@pytest.mark.parametrize("above", [pytest.param("1e-7", marks=pytest.mark.slow), "0.01", "0.8"])
+def test_every_half_width_holds_the_speeds_uncertainty(taylor, above) -> None:
+    """The reference is the cycle at a speed moved by its half-width, near Omega_h, between, and
+    near Omega_crit.
+    """
+    omega_h = heteroclinic(PRINTED, taylor, digits=20).omega_h
+    distance = Fraction(above)
+    room = omega_crit(PRINTED, 20).value - omega_h.value
+    off = min(distance, room - distance) / 1000
+    here, there = (
+        librating_cycle_at(PRINTED, omega_h.value + distance + change, taylor, digits=9)
+        for change in (0, off)
+    )
+    widened = with_uncertainty_of_omega_h(
+        here, LIBRATING, Measured(omega_h.value, off), distance, room, taylor
+    )
+    over = []
+    for name in widened.__dataclass_fields__:
+        number = getattr(widened, name)
+        if isinstance(number, Measured) and name != "trivial_multiplier_defect":
+            change = abs(getattr(there, name).value - number.value)
+            assert change <= number.uncertainty, name
+            over.append(float(number.uncertainty / change))
+    assert sorted(over)[len(over) // 2] < 20
+
+
+def test_the_periods_slope_tends_to_the_laws(taylor) -> None:
+    """Cycle by cycle in double, the difference of the slopes falls with the power of the law's
+    remainder.
+    """
+    unstable, slow, _ = (float(v) for v in heteroclinic(PRINTED, taylor).saddle_eigenvalues)
+    rows = PeriodContinuation(PRINTED, taylor).law_rows(unstable)
+    lacking = [ratio - 1 for _, _, ratio in rows]
+    assert lacking == sorted(lacking, reverse=True)
+    # The rows reach as close to Omega_h as doubles resolve.
+    assert rows[-1][0] < 1e-9
+    power = math.log(lacking[-2] / lacking[-1]) / math.log(rows[-2][0] / rows[-1][0])
+    # The next power of the remainder is twice the first
+    assert abs(power / (-slow / unstable - 1) - 1) < 0.05

@@ -11,17 +11,14 @@ import numpy
 import pytest
 
 import tippedisk_verify as tv
+from tippedisk_verify import DOUBLE, PRINTED, QUADRUPLE, Request, Status, equilibrium
 from tippedisk_verify.cycles.branch_cycles import rotating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import rotating_cycle_below_omega_h
-from tippedisk_verify.flow.contract import Request, Status
 from tippedisk_verify.model.equations import normal_force_over_weight, vector_field
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
-from tippedisk_verify.theory.equilibria import equilibrium
 
 #: Stable and unstable ones, and above Omega_crit.
 POINTS = (

@@ -13,7 +13,6 @@ import tippedisk_verify as tv
 from tests.command_line import answer, printed, rows_of
 from tippedisk_verify.errors import NoSuchCycleError
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.theory.hopf import speed_below_crit
 
 #: Speeds [rad/s] between the Hopf point and the family's first node, at a node's distance and far
 #: away.
@@ -105,37 +104,6 @@ def test_a_cycle_next_to_the_hopf_point_follows_the_normal_form(distance: str) -
         away = abs(found.value - law.value) - found.uncertainty
         assert away < 10 * below * abs(law.value), name
     assert cycle.stable
-
-
-@pytest.mark.parametrize(
-    "distance",
-    [
-        "0.5",
-        "1e-3",
-        "1/3",
-        *map(_slow, ("1e-9", "1e-30", "0.837724427921066")),
-    ],
-)
-def test_digits_are_consistent_below_omega_crit(distance: str) -> None:
-    """The speed is Omega_crit - D with its half-width, so 12 and 20 digits describe the same
-    speed.
-    """
-    disk = tv.Disk("table1")
-    crit = speed_below_crit(disk, distance, 60)
-    few, more = (disk.limit_cycle(below_crit=distance, digits=digits) for digits in (12, 20))
-    for name in (
-        "omega",
-        "period",
-        "gamma_bar_0",
-        "v_0",
-        "beta_max",
-        "multiplier_slow",
-        "dperiod_domega",
-    ):
-        assert (getattr(few, name) - getattr(more, name)).holds(0), name
-    for cycle in (few, more):
-        assert cycle.omega.uncertainty > 0
-        assert cycle.omega.holds(crit.value)
 
 
 def test_closer_than_offered_says_how_close() -> None:

@@ -6,10 +6,9 @@ import numpy
 import pytest
 
 from tests.problems import SETS
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
-from tippedisk_verify.flow.contract import BETA_EXTREME, FLAT, Event, Request
-from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify import PRINTED, BatchTaylor, Event, InputError, Request
+from tippedisk_verify.flow.batch import equation_constants
+from tippedisk_verify.flow.contract import BETA_EXTREME, FLAT
 
 TURNS = Event("turns", BETA_EXTREME.function, terminal=False)
 #: Of two orders of summation: some forty roundings of states of size 1 to 3, grown by less than

@@ -9,13 +9,24 @@ import numpy
 import pytest
 
 from tests.problems import STARTS, held
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, Event, Request, Status
-from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS, ScipyEngine
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.numbers.exact import exact, fraction
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    QUADRUPLE,
+    Event,
+    InputError,
+    Parameters,
+    Request,
+    ScipyEngine,
+    Status,
+    Taylor,
+    exact,
+    precision_of_bits,
+)
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION
+from tippedisk_verify.flow.scipy_engine import SCIPY_METHODS
+from tippedisk_verify.numbers.exact import fraction
 
 ALL_VARIATIONS = ("beta", "gamma", "v", "Omega", "r", "e", "a", "b", "g", "k")
 
@@ -136,6 +147,7 @@ def test_samples_dense_output_and_events_agree(make) -> None:
     assert abs(sampled.samples - dense.dense(times)).max() < (
         1e-13 if engine.name == "taylor" else 1e-7
     )
+    # Two step sequences: DOP853 lets about 1e3 of its tolerance of 1e-13 through in four seconds.
     assert distance(sampled.state, dense.state) < Fraction(1, 10**9)
     crossing = Event("crossing", SECTION.function, -1, terminal=False)
     events = engine(Request(PRINTED, "30.4", STARTS[1], 4.0, events=(crossing,), dense=True))
@@ -146,15 +158,11 @@ def test_samples_dense_output_and_events_agree(make) -> None:
         assert abs(record.state[0] - numpy.pi / 2) < 1e-9
 
 
-@pytest.mark.parametrize(
-    "change", [{"precision": EXTENDED}, {"error_estimate": True}, {"domain": "edge"}]
-)
+@pytest.mark.parametrize("change", [{"precision": EXTENDED}, {"error_estimate": True}])
 def test_refusals(change) -> None:
-    wanted = {"parameters": PRINTED, "omega": 30.4, "state": STARTS[1], "duration": 1.0} | change
+    """What an engine refuses that is wrong for every engine is in tests/stress."""
     with pytest.raises(InputError):
-        ScipyEngine()(Request(**wanted))
-    with pytest.raises(InputError):
-        ScipyEngine("Euler")
+        ScipyEngine()(Request(PRINTED, 30.4, STARTS[1], 1.0, **change))
 
 
 @pytest.mark.parametrize("friction", ["linear", "smooth"])

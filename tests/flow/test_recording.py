@@ -7,12 +7,20 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import SECTION, Request, Status
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Friction
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    QUADRUPLE,
+    InputError,
+    Request,
+    Status,
+    Taylor,
+    precision_of_bits,
+)
+from tippedisk_verify.flow.contract import SECTION
+from tippedisk_verify.model.parameters import Friction
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, QUADRUPLE, precision_of_bits
 
 R = precision_of_bits(160)
 START = ("1.2", "0.4", "-0.5")

@@ -12,21 +12,22 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
-from tippedisk_verify.flow.contract import (
-    BETA_EXTREME,
-    FLAT,
-    SECTION,
-    SLIDING_REVERSAL,
+from tippedisk_verify import (
+    DOUBLE,
+    EXTENDED,
+    PRINTED,
+    BatchTaylor,
     Event,
     Request,
+    ScipyEngine,
     Status,
+    Taylor,
+    exact,
+    precision_of_bits,
 )
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED, Friction
-from tippedisk_verify.numbers.exact import exact
-from tippedisk_verify.numbers.precision import DOUBLE, EXTENDED, precision_of_bits
+from tippedisk_verify.flow.batch import equation_constants
+from tippedisk_verify.flow.contract import BETA_EXTREME, FLAT, SECTION, SLIDING_REVERSAL
+from tippedisk_verify.model.parameters import Friction
 
 WATCHED = Event("passing", SECTION.function, terminal=False)
 FALLING = Event("falling", SECTION.function, direction=-1)

@@ -9,13 +9,20 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
+from tippedisk_verify import (
+    DOUBLE,
+    PRINTED,
+    QUADRUPLE,
+    BatchTaylor,
+    Event,
+    Request,
+    ScipyEngine,
+    Status,
+    exact,
+)
 from tippedisk_verify.flow import switching
-from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
-from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL, Event, Request, Status
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.exact import exact
-from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE
+from tippedisk_verify.flow.batch import equation_constants
+from tippedisk_verify.flow.contract import FLAT, SLIDING_REVERSAL
 
 
 def smooth(omega, start, duration, **needs) -> Request:

@@ -12,20 +12,20 @@ import numpy
 import pytest
 
 from tests.problems import STARTS
-from tippedisk_verify.flow import compiled_runners, default_batch_engine, default_engine
-from tippedisk_verify.flow.batch import BatchTaylor, equation_constants
-from tippedisk_verify.flow.contract import (
-    BETA_EXTREME,
-    SECTION,
-    SLIDING_REVERSAL,
+from tippedisk_verify import (
+    CALIBRATED,
+    PRINTED,
+    BatchTaylor,
     Event,
     Request,
     Result,
+    ScipyEngine,
+    Taylor,
+    precision_of_bits,
 )
-from tippedisk_verify.flow.scipy_engine import ScipyEngine
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.numbers.precision import precision_of_bits
+from tippedisk_verify.flow import compiled_runners, default_batch_engine, default_engine
+from tippedisk_verify.flow.batch import equation_constants
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, SLIDING_REVERSAL
 
 _THREADS = 8
 

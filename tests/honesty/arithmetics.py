@@ -15,12 +15,8 @@ from unittest import mock
 
 import numpy
 
-from tippedisk_verify import flow
-from tippedisk_verify.flow.batch import BatchTaylor
+from tippedisk_verify import BatchTaylor, Taylor, flow
 from tippedisk_verify.flow.jit import heyoka_module
-from tippedisk_verify.flow.taylor import Taylor
-
-__all__ = ["DEFAULT", "MOVED_BITS", "OTHER_ORDER", "Arithmetic"]
 
 #: Integrators are built where these names are looked up.
 _BUILDERS = (

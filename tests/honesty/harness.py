@@ -20,26 +20,21 @@ from statistics import median
 from typing import Any, NamedTuple
 
 from tests.honesty.arithmetics import DEFAULT, MOVED_BITS, Arithmetic
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.model.parameters import NAMED_SETS, PRINTED, Parameters
-from tippedisk_verify.numbers.exact import PI, Exact, exact
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import DOUBLE
-from tippedisk_verify.theory.hopf import criticality, omega_crit
-
-__all__ = [
-    "Draw",
-    "Found",
-    "Kind",
-    "Number",
-    "Question",
-    "assert_honest",
-    "compared",
-    "decimal",
-    "numbers",
-    "run",
-]
+from tippedisk_verify import (
+    DOUBLE,
+    PRINTED,
+    AccuracyError,
+    Disk,
+    Exact,
+    InputError,
+    Measured,
+    Parameters,
+    exact,
+    omega_crit,
+)
+from tippedisk_verify.model.parameters import NAMED_SETS
+from tippedisk_verify.numbers.exact import PI
+from tippedisk_verify.theory.hopf import criticality
 
 #: Where disks are drawn from: around the paper's, unlike it in one respect, and far from it in
 #: everything at once.

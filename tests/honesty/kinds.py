@@ -14,11 +14,26 @@ from typing import Any
 from reference_data.make.local import hopf_by_balance
 from tests.friction_laws import ARCTAN, OWN_LAWS
 from tests.honesty.harness import STRUCTURED, Draw, Kind, Question, decay, decimal
-from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.cycles.collocation.collocation_cycles import (
+from tippedisk_verify import (
+    DOUBLE,
+    QUADRUPLE,
+    AccuracyError,
+    Disk,
+    Event,
+    InputError,
+    Measured,
+    Parameters,
+    Request,
+    Status,
+    analyse_slow_manifold,
+    bisect_omega_h,
     collocation_cycle,
-    collocation_rotating_cycle,
+    exact,
+    omega_crit,
+    precision_of_bits,
+    shoot_limit_cycle,
 )
+from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.families.family import batch_solver
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
@@ -26,31 +41,15 @@ from tippedisk_verify.cycles.limit_cycle import LimitCycle
 from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import fixed_point_by_broyden
 from tippedisk_verify.cycles.shooting.error_budget import numbers_in_precision
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING, SECTION_RETURN, VARIATIONS
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.disk import Disk
-from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_batch_engine, default_engine
-from tippedisk_verify.flow.contract import (
-    BETA_EXTREME,
-    SECTION,
-    SLIDING_REVERSAL,
-    Event,
-    Request,
-    Status,
-)
+from tippedisk_verify.flow.contract import BETA_EXTREME, SECTION, SLIDING_REVERSAL
 from tippedisk_verify.flow.start import starts_at_rest
-from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import PI, exact, fraction, rational_in_context
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import DOUBLE, QUADRUPLE, precision_of_bits
+from tippedisk_verify.numbers.exact import PI, fraction, rational_in_context
 from tippedisk_verify.proofs.closed_forms import proved_equilibrium, proved_hopf
 from tippedisk_verify.reference_values.entries import Case, ReferenceEntry
 from tippedisk_verify.reference_values.truths import cross_check_values, true_values
 from tippedisk_verify.theory import slow_manifold
-from tippedisk_verify.theory.hopf import criticality, omega_crit
-from tippedisk_verify.theory.slow_manifold import analyse_slow_manifold
-
-__all__ = ["KINDS", "kind_named"]
+from tippedisk_verify.theory.hopf import criticality
 
 _LAWS = ("linear", "smooth")
 _STIFFEST = 2e3  # 1/s; the truth about the cycles of a stiffer disk takes minutes

@@ -14,11 +14,8 @@ from typing import Any
 
 import numpy
 
+from tippedisk_verify import Measured, Parameters
 from tippedisk_verify.flow.contract import ErrorEstimate
-from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.measured import Measured
-
-__all__ = ["PLANTS", "planted"]
 
 #: What makes half-widths, as module and function or method, and the kind of draws that must notice.
 PLANTS = {
@@ -52,7 +49,7 @@ def narrowed(result: Any, widths: bool = False) -> Any:
         return result / _FACTOR
     if is_dataclass(result) and not isinstance(result, Parameters):
         known = {part.name: getattr(result, part.name) for part in fields(result) if part.init}
-        return replace(result, **narrowed(known, isinstance(result, ErrorEstimate)))  # type: ignore[type-var]
+        return replace(result, **narrowed(known, isinstance(result, ErrorEstimate)))
     if isinstance(result, dict):
         return {name: narrowed(value, widths) for name, value in result.items()}
     if isinstance(result, tuple | list):

@@ -15,11 +15,8 @@ from tests.honesty.arithmetics import DEFAULT, MOVED_BITS, OTHER_ORDER, Arithmet
 from tests.honesty.harness import Kind, Question, assert_honest, compared, numbers, run
 from tests.honesty.kinds import KINDS, kind_named
 from tests.honesty.plants import PLANTS, planted
-from tippedisk_verify.errors import AccuracyError
+from tippedisk_verify import PRINTED, AccuracyError, Measured, Request
 from tippedisk_verify.flow import default_batch_engine, default_engine
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.measured import Measured
 
 #: Other draws than those of every run: DRAWS_SEED=7 python -m pytest tests/honesty -m slow
 SEED = int(os.environ.get("DRAWS_SEED", "1"))

@@ -8,15 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import CALIBRATED, NAMED_SETS, PRINTED, Constants, Parameters
+from tests.command_line import TABLE_1_FILE
+from tippedisk_verify import CALIBRATED, DOUBLE, PRINTED, InputError, Parameters, precision_of_bits
+from tippedisk_verify.model.parameters import NAMED_SETS, Constants
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.precision import DOUBLE, precision_of_bits
-
-GOOD = (
-    'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
-    'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
-)
 
 
 def test_named_sets_are_as_documented() -> None:
@@ -74,7 +69,7 @@ def test_a_file_is_never_taken_for_a_named_set(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
     """Check that a file's own name leads back to it, so that printed commands are about it."""
-    (tmp_path / name).write_text(GOOD.replace('"', ""), encoding="utf-8")
+    (tmp_path / name).write_text(TABLE_1_FILE.replace('"', ""), encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     read = Parameters.named(str(tmp_path / name))
     assert read.name not in NAMED_SETS
@@ -86,11 +81,11 @@ def test_a_file_is_never_taken_for_a_named_set(
     [
         (b"", "is empty"),
         (b"\x00\xff\xfe", "not a TOML text file"),
-        (GOOD.replace("mu", "nu").encode(), "unknown key 'nu'"),
-        (GOOD.replace('"0.435"', '["0.435"]').encode(), "a real number is needed"),
-        (GOOD.replace('"0.435"', '"-0.435"').encode(), "m must be positive"),
-        (GOOD.replace('"0.0025"', '"0.045"').encode(), "smaller than the radius"),
-        (GOOD.replace('m = "0.435"\n', "").encode(), "key 'm' is missing"),
+        (TABLE_1_FILE.replace("mu", "nu").encode(), "unknown key 'nu'"),
+        (TABLE_1_FILE.replace('"0.435"', '["0.435"]').encode(), "a real number is needed"),
+        (TABLE_1_FILE.replace('"0.435"', '"-0.435"').encode(), "m must be positive"),
+        (TABLE_1_FILE.replace('"0.0025"', '"0.045"').encode(), "smaller than the radius"),
+        (TABLE_1_FILE.replace('m = "0.435"\n', "").encode(), "key 'm' is missing"),
         (b"a = " + b"[" * 5000, "not a TOML text file"),
     ],
 )
@@ -120,7 +115,7 @@ def test_other_files_are_refused_unread(
 ) -> None:
     """Refuse a key of 300 kB, which once took minutes and all memory."""
     path = tmp_path / "disk.toml"
-    path.write_text(content + GOOD, encoding="utf-8")
+    path.write_text(content + TABLE_1_FILE, encoding="utf-8")
     monkeypatch.setattr(tomllib, "loads", lambda text: pytest.fail("parsed"))
     with pytest.raises(InputError, match=r"larger than 64000 bytes|more than 200 dots"):
         Parameters.from_toml(path)

@@ -9,12 +9,16 @@ from itertools import pairwise
 import mpmath
 import pytest
 
-from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_cycle
+from tippedisk_verify import (
+    PRINTED,
+    Taylor,
+    collocation_cycle,
+    hopf_point,
+    omega_crit,
+    shoot_limit_cycle,
+)
 from tippedisk_verify.cycles.families.folds import libration_folds
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.theory.hopf import hopf_point, omega_crit, speed_below_crit
+from tippedisk_verify.theory.hopf import speed_below_crit
 
 _SHRINKING = 4  #: of the distance from one fold to the next
 #: Of Table 1's disks, the A at which l_1 = 0: Bbar r (2 r - e) / (2 (r + e) (r - 2 e)) [kg m^2].

@@ -7,22 +7,24 @@ from fractions import Fraction
 import numpy
 import pytest
 
-from tippedisk_verify.connection.bisection import bisect_omega_h
+from tippedisk_verify import (
+    CALIBRATED,
+    PRINTED,
+    QUADRUPLE,
+    SCENES,
+    Event,
+    Measured,
+    Request,
+    Taylor,
+    bisect_omega_h,
+    scene_named,
+)
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import rotation_fold
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.flow.contract import SECTION, Event, Request
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.motion.scenes import (
-    INITIAL_STATES,
-    SCENES,
-    compute_scene,
-    scene_named,
-)
+from tippedisk_verify.flow.contract import SECTION
+from tippedisk_verify.motion.scenes import INITIAL_STATES, compute_scene
 from tippedisk_verify.numbers.exact import fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import QUADRUPLE
 
 GIVEN = Measured(Fraction("30.0488682607"), Fraction(0))
 EXPECTED = {
@@ -59,7 +61,7 @@ def test_flat_times_hold(taylor) -> None:
     for orbit in panel.orbits:
         truth = taylor(Request(PRINTED, panel.omega.value, orbit.start, 60, precision=QUADRUPLE))
         assert orbit.outcome.time.holds(fraction(truth.time))
-        assert orbit.outcome.time.uncertainty < Fraction(1, 10**11)
+        assert orbit.outcome.time.uncertainty < Fraction(1, 10**11)  # twelve digits of ten seconds
 
 
 @pytest.mark.parametrize("name", ["b", "d", "e"])
@@ -92,6 +94,7 @@ def test_between_fold_and_omega_h_orbits_rotate_for_good(taylor, friction) -> No
     for orbit in orbits_at(omega, disk, taylor):
         assert orbit.outcome.kind == "rotating limit cycle"
         assert orbit.outcome.amplitude.contains(cycle.beta_bar_top)
+        # An amplitude of an orbit in double, which has forgotten its start: ten digits of it
         assert orbit.outcome.amplitude.uncertainty < Fraction(1, 10**10)
         assert set(orbit.outcome.to_dict()) == {"kind", "reason", "beta_bar_at_top"}
 
@@ -124,4 +127,5 @@ def test_a_cycle_about_another_inverted_state_is_one(taylor) -> None:
     far, near = orbits_at(GIVEN.value + Fraction(1, 10**4), PRINTED, taylor)
     assert abs(near.states[-1, 1]) < 3 * numpy.pi / 2 < 3 * numpy.pi < far.states[-1, 1]
     one, other = far.outcome.amplitude, near.outcome.amplitude
+    # Ten digits, as above
     assert abs(one.value - other.value) <= one.uncertainty + other.uncertainty < Fraction(1, 10**10)

@@ -14,9 +14,8 @@ import numpy
 import pytest
 
 from tests.honesty.harness import decimal
-from tippedisk_verify.errors import AccuracyError, InputError
-from tippedisk_verify.numbers.exact import exact, fraction, rational_in_context
-from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify import AccuracyError, InputError, Measured, exact
+from tippedisk_verify.numbers.exact import fraction, rational_in_context
 
 FUNCTIONS = ("sqrt", "log", "log10", "exp", "sin", "cos", "tan")
 TWO = (operator.add, operator.sub, operator.mul, operator.truediv, operator.pow)
@@ -195,12 +194,15 @@ def test_numbers_of_other_packages_lose_no_half_width() -> None:
 
 def test_it_is_formatted_and_converted_like_a_number() -> None:
     number = Measured.of("30.88659268864356727833", "1e-20")
-    assert f"{number:.10g}" == "30.88659269"
-    assert f"{number:12.4f}" == "     30.8866"
-    assert f"{number}" == str(number)
-    assert f"{Measured.of('1.25', '1e-9'):g} {Measured.of(0, 0):.3e}" == "1.25 0.000e+00"
-    assert str(Measured.of(0, "1e6")) == "0 ± 1000000"
-    assert str(Measured.of(1, "1e6")).startswith("0 ± ")  # the half-width is beyond the value
+    for shown, text in (
+        (f"{number:.10g}", "30.88659269"),
+        (f"{number:12.4f}", "     30.8866"),
+        (f"{number}", str(number)),
+        (f"{Measured.of('1.25', '1e-9'):g} {Measured.of(0, 0):.3e}", "1.25 0.000e+00"),
+        (str(Measured.of(0, "1e6")), "0 ± 1000000"),
+        (str(Measured.of(1, "1e6"))[:4], "0 ± "),  # the half-width is beyond the value
+    ):
+        assert shown == text
     with mpmath.workdps(30):
         assert abs(number.mpf() - mpmath.mpf("30.88659268864356727833")) < mpmath.mpf(10) ** -28
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Callable
 from decimal import Decimal
 from fractions import Fraction
 from types import SimpleNamespace
@@ -161,36 +160,6 @@ NOT_FINITE = {
 }
 
 
-def _batch(place: int, wrong: Any) -> object:
-    given: list[Any] = [[0.045, 0.0025, 5e-4, 5e-4, 9.81, 29.0], [30.4], [[1.5, 1.6, 0.0]], [1.0]]
-    given[place] = [[1.5, wrong, 0.0]] if place == 2 else [wrong]
-    return _BATCH(*given)
-
-
-#: Where numbers go in. Each refuses what is none before it computes anything.
-DOORS: dict[str, Callable[[Any], object]] = {
-    "exact": tv.exact,
-    "double": tv.DOUBLE.number,
-    "wide": tv.precision_of_bits(100).number,
-    "half-width": lambda x: tv.Measured.of(1, x),
-    "parameter": lambda x: tv.Disk("table1", mu=x),
-    "speed": lambda x: DISK.equilibrium("inverted", x),
-    "speed of a field": lambda x: DISK.rhs(x),
-    "speeds": lambda x: DISK.branch(["30.4", x]),
-    "distance": lambda x: DISK.speed(above_het=x if x is not None else "nan"),
-    "state": lambda x: DISK.integrate("30.4", (1.5, 1.6, x), "0.01"),
-    "duration": lambda x: DISK.integrate("30.4", (1.5, 1.6, 0), (0, x)),
-    "time": lambda x: DISK.integrate("30.4", (1.5, 1.6, 0), 1, t_eval=[0.5, x]),
-    "time of a request": lambda x: tv.Request(DISK, "30.4", (1.5, 1.6, 0), 1, times=[0.5, x]),
-    "point": lambda x: DISK.slow_manifold(1, "30.4", at=(x, "0.3")),
-    "velocity": lambda x: DISK.basins("30.4", count=4, v=x),
-    "seconds": lambda x: DISK.basins("30.4", count=4, duration=x),
-    "speed of a batch": lambda x: _batch(1, x),
-    "state of a batch": lambda x: _batch(2, x),
-    "digits": lambda x: DISK.hopf(digits=x),
-}
-
-
 @pytest.mark.parametrize("kind", NUMBERS)
 def test_a_number_of_any_kind_is_taken_exactly(kind: str) -> None:
     value, number = NUMBERS[kind]
@@ -222,13 +191,6 @@ def test_infinities_and_nan_are_refused_as_inputs_and_graded_as_answers(kind: st
         tv.exact(NOT_FINITE[kind])
     if kind != "enormous":
         assert tv.compare(ID, NOT_FINITE[kind]).verdict == "not-a-number"
-
-
-@pytest.mark.parametrize("door", DOORS)
-def test_there_is_no_other_way_in(door: str) -> None:
-    for value, _ in NO_NUMBERS.values():
-        with pytest.raises(tv.InputError):
-            DOORS[door](value)
 
 
 class ArrayWithUnit(np.ndarray):

@@ -13,18 +13,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, round_down, round_up
-from tippedisk_verify.numbers.exact import PI, Exact, exact, fraction
-from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import (
+from tippedisk_verify import (
     DOUBLE,
     EXTENDED,
     QUADRUPLE,
-    bits_for_digits,
+    Exact,
+    InputError,
+    Measured,
+    exact,
     precision_of_bits,
-    wider_precision,
 )
+from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, round_down, round_up
+from tippedisk_verify.numbers.exact import PI, fraction
+from tippedisk_verify.numbers.precision import bits_for_digits, wider_precision
 
 ALL = (
     DOUBLE,

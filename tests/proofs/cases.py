@@ -4,13 +4,15 @@ planted in the kernel.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
+
+import pytest
 
 from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.proofs.kernel.balls import arb, ball, inside
+from tippedisk_verify.proofs.kernel.balls import arb, ball, inside, working_precision
+from tippedisk_verify.proofs.kernel.certificates import digest
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, apply_krawczyk_operator
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
@@ -39,9 +41,8 @@ NUMBERS = (
 )
 
 
-@dataclass(frozen=True)
-class Flight:
-    """Where all orbits from a box are after a time, proved.
+class Flight(NamedTuple):
+    """Where all orbits from a box are after a time, proved: in the path's box.
 
     A status makes the rest mean nothing.
     """
@@ -49,18 +50,6 @@ class Flight:
     status: FlowStatus | None  #: why the time is not reached
     path: Path
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
-    #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
-    matrix: tuple[tuple[Any, ...], ...] | None = None
-
-    @property
-    def state(self) -> tuple[Any, Any, Any]:
-        """Holds the end of every orbit, (beta_bar, gamma_bar, v)."""
-        return self.path.box
-
-    @property
-    def divergence(self) -> Any:
-        """Integral of div f over the run."""
-        return self.path.divergence
 
 
 def flow_for(
@@ -83,7 +72,7 @@ def flow_for(
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
             path.take_step(step, left)
-            return Flight(None, path, upright, path.derivatives if derivatives else None)
+            return Flight(None, path, upright)
         path.take_step(step)
 
 
@@ -101,6 +90,23 @@ def replace_entry(*path: Any) -> ChangeOfContent:
         part[path[-2]] = path[-1](part[path[-2]]) if callable(path[-1]) else path[-1]
 
     return act
+
+
+def sealed(content: dict[str, Any]) -> dict[str, Any]:
+    """Write the digest of what a certificate says now."""
+    content["sha256"] = digest(content)
+    return content
+
+
+def in_precision(bits: int) -> Any:
+    """Return a fixture that works in so many bits throughout each test of a module."""
+
+    @pytest.fixture(autouse=True)
+    def context() -> Iterator[None]:
+        with working_precision(bits):
+            yield
+
+    return context
 
 
 def hull(low: object, high: object) -> Any:

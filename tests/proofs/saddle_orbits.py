@@ -12,9 +12,8 @@ from typing import Any
 import numpy as np
 from scipy.integrate import solve_ivp
 
+from tippedisk_verify import DOUBLE, PRINTED, Parameters
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
-from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection_proof import eigenvectors
 from tippedisk_verify.proofs.search.proof import parameter_texts
@@ -65,7 +64,7 @@ class Orbits:
         def event(time: float, x: np.ndarray) -> float:
             return until(x[:3])
 
-        event.terminal, event.direction = True, 1  # type: ignore[attr-defined]
+        event.terminal, event.direction = True, 1
         start = np.array([*z, *variation], float)
         run = solve_ivp(
             rates, (0, 3), start, "DOP853", events=event, rtol=TOLERANCE, atol=TOLERANCE

@@ -12,11 +12,9 @@ from typing import Any
 import pytest
 
 from tests.problems import speed_below
+from tippedisk_verify import PRINTED, Precision, Request
 from tippedisk_verify.cycles.shooting.section import SECTION_RETURN
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import Precision
 from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (

@@ -12,9 +12,7 @@ from typing import Any
 import pytest
 from flint import acb_series, arb_series, ctx
 
-from tippedisk_verify.errors import InputError
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify import PRINTED, InputError, exact
 from tippedisk_verify.proofs.angles import rates
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.proofs.kernel.balls import (
@@ -59,16 +57,21 @@ def test_nothing_is_proved_of_what_is_not_finite(strange) -> None:
 def test_predicates_are_strict() -> None:
     whole = arb(0, 1)  # Arb rounds radii up: a little wider than [-1, 1]
     edge = whole.rad()
-    assert not inside(whole, whole)
-    assert not inside(edge, whole)
-    assert not inside(edge / 2 + arb(0, edge / 2), whole)
-    assert inside(arb(0.5, 0.4375), whole)
-    assert not positive(arb(1, 1))
-    assert positive(arb(1, 0.9))
-    assert not negative(arb(-1, 1))
-    assert negative(arb(-1, 0.9))
-    assert not positive(arb(0))
-    assert not negative(arb(0))
+    for x, within in (
+        (whole, False),
+        (edge, False),
+        (edge / 2 + arb(0, edge / 2), False),
+        (arb(0.5, 0.4375), True),
+    ):
+        assert inside(x, whole) is within, x
+    for x, signs in (
+        (arb(1, 1), (False, False)),
+        (arb(1, 0.9), (True, False)),
+        (arb(-1, 1), (False, False)),
+        (arb(-1, 0.9), (False, True)),
+        (arb(0), (False, False)),
+    ):
+        assert (positive(x), negative(x)) == signs, x
 
 
 @pytest.mark.parametrize("bits", [24, 53, 64, 200])

@@ -16,7 +16,7 @@ import pytest
 from flint import arb, ctx
 
 from tests.command_line import answer, assert_refused, printed, ran
-from tests.proofs.cases import replace_entry
+from tests.proofs.cases import replace_entry, sealed
 from tests.proofs.test_cycle import OMEGA, proved_cycle
 from tests.proofs.test_fold import SUBCRITICAL, SUBCRITICAL_FOLD
 from tests.proofs.test_sliding import GUESS as SMOOTH_GUESS
@@ -56,11 +56,6 @@ def written(kind: str = "cycle") -> tuple[str, str]:
 
 def fresh(kind: str = "cycle") -> Any:
     return json.loads(written(kind)[0])
-
-
-def sealed(content: Any) -> Any:
-    content["sha256"] = certificates.digest(content)
-    return content
 
 
 def at(content: Any, names: Names) -> Any:
@@ -170,113 +165,166 @@ def _beyond(number: dict[str, str]) -> dict[str, str]:
     return {**number, "value": exact_text(value)}
 
 
-def false_claims(content: Any) -> Iterator[ChangeOfContent]:
+def false_claims(content: Any) -> list[ChangeOfContent]:
     """Every number elsewhere, and sharper than it is known; every parameter; the law; the
     speed; the rest.
     """
     claim = content["claim"]
     first = next(name for name in claim["numbers"] if name in ("gamma_bar_0", "beta_bar_top"))
-    fold = "extremum" in claim
-    for name in claim["numbers"]:
-        if fold and name == first:  # of a fold the arc, which is what the claim is about
-            continue
-        number = ("claim", "numbers", name)
-        yield f"{name} elsewhere", replace_entry(*number, _beyond)
-        yield (
-            f"{name} too sharp",
-            replace_entry(*number, "uncertainty", lambda w: exact_text(Fraction(w) / 10**9)),
-        )
-        yield f"{name} of negative width", replace_entry(*number, "uncertainty", lambda w: f"-{w}")
-    for name in SYMBOLS:
-        yield (
-            f"another {name}",
-            replace_entry(
-                "claim", "parameters", name, lambda v: exact_text(Fraction(v) * 1001 / 1000)
-            ),
-        )
-    yield "a negative mass", replace_entry("claim", "parameters", "m", "-0.435")
-    yield (
-        "another law",
-        replace_entry("claim", "friction", lambda law: "linear" if law == "smooth" else "smooth"),
-    )
+    fold, number = "extremum" in claim, ("claim", "numbers")
     other = {"limit cycle": "rotating limit cycle", "rotating limit cycle": "limit cycle"}
-    yield (
-        "another kind",
-        replace_entry("claim", "kind", other.get(claim["kind"], "fold of rotating limit cycles")),
-    )
-    if fold:
-        arc = ("claim", "numbers", first)
-        yield (
-            "another extremum",
+    changes = [
+        # Of a fold the arc, which is what the claim is about, is changed below
+        *(
+            change
+            for name in claim["numbers"]
+            if not fold or name != first
+            for change in (
+                (f"{name} elsewhere", replace_entry(*number, name, _beyond)),
+                (
+                    f"{name} too sharp",
+                    replace_entry(
+                        *number, name, "uncertainty", lambda w: exact_text(Fraction(w) / 10**9)
+                    ),
+                ),
+                (
+                    f"{name} of negative width",
+                    replace_entry(*number, name, "uncertainty", lambda w: f"-{w}"),
+                ),
+            )
+        ),
+        *(
+            (
+                f"another {name}",
+                replace_entry(
+                    "claim", "parameters", name, lambda v: exact_text(Fraction(v) * 1001 / 1000)
+                ),
+            )
+            for name in SYMBOLS
+        ),
+        ("a negative mass", replace_entry("claim", "parameters", "m", "-0.435")),
+        (
+            "another law",
             replace_entry(
-                "claim", "extremum", lambda e: "smallest" if e == "largest" else "largest"
+                "claim", "friction", lambda law: "linear" if law == "smooth" else "smooth"
             ),
-        )
-        yield (
-            "an arc beside",
-            replace_entry(*arc, "value", lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))),
-        )
-        yield "an empty arc", replace_entry(*arc, "uncertainty", "0")
-        yield (
-            "a longer arc",
-            replace_entry(*arc, "uncertainty", lambda x: exact_text(10 * Fraction(x))),
-        )
-        return
-    yield (
-        "another speed",
-        replace_entry("claim", "omega", lambda x: exact_text(Fraction(x) + Fraction(1, 10**6))),
-    )
-    yield "another stability", replace_entry("claim", "stable", lambda stable: not stable)
-    for name in claim["unique_within"]:
-        yield f"alone too far in {name}", replace_entry("claim", "unique_within", name, "1")
-    if claim["friction"] == "linear":
-        yield "reversals, which this law does not have", lambda c: c["claim"].update(reversals=4)
-    else:
-        yield "other reversals", replace_entry("claim", "reversals", lambda n: n + 2)
-        yield "no reversals", lambda c: c["claim"].pop("reversals")
+        ),
+        (
+            "another kind",
+            replace_entry(
+                "claim", "kind", other.get(claim["kind"], "fold of rotating limit cycles")
+            ),
+        ),
+    ]
+    if fold:
+        return [
+            *changes,
+            (
+                "another extremum",
+                replace_entry(
+                    "claim", "extremum", lambda e: "smallest" if e == "largest" else "largest"
+                ),
+            ),
+            (
+                "an arc beside",
+                replace_entry(
+                    *number, first, "value", lambda x: exact_text(Fraction(x) + Fraction(1, 10**4))
+                ),
+            ),
+            ("an empty arc", replace_entry(*number, first, "uncertainty", "0")),
+            (
+                "a longer arc",
+                replace_entry(
+                    *number, first, "uncertainty", lambda x: exact_text(10 * Fraction(x))
+                ),
+            ),
+        ]
+    return [
+        *changes,
+        (
+            "another speed",
+            replace_entry("claim", "omega", lambda x: exact_text(Fraction(x) + Fraction(1, 10**6))),
+        ),
+        ("another stability", replace_entry("claim", "stable", lambda stable: not stable)),
+        *(
+            (f"alone too far in {name}", replace_entry("claim", "unique_within", name, "1"))
+            for name in claim["unique_within"]
+        ),
+        *(
+            [("reversals, which this law does not have", lambda c: c["claim"].update(reversals=4))]
+            if claim["friction"] == "linear"
+            else [
+                ("other reversals", replace_entry("claim", "reversals", lambda n: n + 2)),
+                ("no reversals", lambda c: c["claim"].pop("reversals")),
+            ]
+        ),
+    ]
 
 
-def other_evidence(content: Any) -> Iterator[ChangeOfContent]:
+def other_evidence(content: Any) -> list[ChangeOfContent]:
     """Each flight's box, and its steps in the middle and at the end."""
-    for names in flights(content):
-        for index in (0, 1):
-            if names[-1] == "centre":
-                yield f"{names} elsewhere", replace_entry(*names[:-1], "middle", index, further)
-                continue
-            yield f"{names} without {index}", replace_entry(*names[:-1], "radii", index, "0p0")
-        if names[-1] != "centre":
-            # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
-            inverse = (*names[:-1], "inverse")
-            yield (
-                f"{names} inverse",
-                replace_entry(*inverse, lambda y: [[times(x, 2) for x in row] for row in y]),
+    return [
+        *(
+            change
+            for names in flights(content)
+            for change in (*_other_box(names), *_other_flight(names, at(content, names)))
+        ),
+        ("24 bits", replace_entry("bits", 24)),
+    ]
+
+
+def _other_box(names: Names) -> list[ChangeOfContent]:
+    above, inverse = names[:-1], (*names[:-1], "inverse")
+    if names[-1] == "centre":
+        return [
+            (f"{names} elsewhere", replace_entry(*above, "middle", index, further))
+            for index in (0, 1)
+        ]
+    return [
+        *(
+            (f"{names} without {index}", replace_entry(*above, "radii", index, "0p0"))
+            for index in (0, 1)
+        ),
+        # Where 1 - Y F' becomes -3; an entry by itself may be as small as the fast contraction.
+        (
+            f"{names} inverse",
+            replace_entry(*inverse, lambda y: [[times(x, 2) for x in row] for row in y]),
+        ),
+    ]
+
+
+def _other_flight(names: Names, steps: list[Any]) -> list[ChangeOfContent]:
+    entry = (*names, len(steps) // 2)
+    first = (*entry, "steps", 0)
+    changing = [index for index, step in enumerate(steps) if len(step["steps"]) > 1][:1]
+    return [
+        (f"{entry} much longer", replace_entry(*first, 0, lambda h: times(h, 3))),
+        (f"{entry} backwards", replace_entry(*first, 0, lambda h: f"-{h}")),
+        (f"{entry} of order 1", replace_entry(*first, lambda s: [s[0], 1, 1])),
+        (f"{entry} flat axes", replace_entry(*entry, "axes", lambda a: [a[0], a[0], a[2]])),
+        (f"{entry} untested", replace_entry(*entry, "steps", [])),
+        *(
+            change
+            for index in changing
+            for change in (
+                (
+                    f"{names} nothing behind a change",
+                    replace_entry(*names, index, "steps", lambda s: s[:1]),
+                ),
+                (
+                    f"{names} too short behind a change",
+                    replace_entry(*names, index, "steps", 1, 0, lambda h: times(h, -6)),
+                ),
             )
-        steps = at(content, names)
-        entry = (*names, len(steps) // 2)
-        first = (*entry, "steps", 0)
-        yield f"{entry} much longer", replace_entry(*first, 0, lambda h: times(h, 3))
-        yield f"{entry} backwards", replace_entry(*first, 0, lambda h: f"-{h}")
-        yield f"{entry} of order 1", replace_entry(*first, lambda s: [s[0], 1, 1])
-        yield f"{entry} flat axes", replace_entry(*entry, "axes", lambda a: [a[0], a[0], a[2]])
-        yield f"{entry} untested", replace_entry(*entry, "steps", [])
-        for index in [index for index, step in enumerate(steps) if len(step["steps"]) > 1][:1]:
-            yield (
-                f"{names} nothing behind a change",
-                replace_entry(*names, index, "steps", lambda s: s[:1]),
-            )
-            yield (
-                f"{names} too short behind a change",
-                replace_entry(*names, index, "steps", 1, 0, lambda h: times(h, -6)),
-            )
-        here = lambda c, names=names: at(c, names)  # noqa: E731
-        yield f"{names} last step missing", lambda c, here=here: here(c).pop()
+        ),
+        (f"{names} last step missing", lambda c: at(c, names).pop()),
         # A single short step may be made up for by the last one, which need not end at the section.
-        yield (
+        (
             f"{names} every third step missing",
-            lambda c, here=here: here(c).__delitem__(slice(7, None, 3)),
-        )
-        yield f"{names} another step at the end", lambda c, here=here: here(c).append(here(c)[3])
-    yield "24 bits", replace_entry("bits", 24)
+            lambda c: at(c, names).__delitem__(slice(7, None, 3)),
+        ),
+        (f"{names} another step at the end", lambda c: at(c, names).append(at(c, names)[3])),
+    ]
 
 
 def unreadable(content: Any) -> list[ChangeOfContent]:

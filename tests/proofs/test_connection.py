@@ -11,11 +11,8 @@ from flint import arb, arb_mat
 
 from tests.proofs.cases import proved_connection
 from tests.proofs.saddle_orbits import OMEGA_H
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+from tippedisk_verify import CALIBRATED, PRINTED, Measured, Taylor, heteroclinic, reference
 from tippedisk_verify.errors import NoConnectionError
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import _converges_along_slow_direction
 from tippedisk_verify.proofs.search import connection_proof as certified
@@ -29,7 +26,6 @@ from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionStatus,
     prove_connection,
 )
-from tippedisk_verify.reference_values.lookup import reference
 
 TRUTH = {
     name: reference(f"{name}/linear/heteroclinic/point/omega_h").measured()
@@ -41,11 +37,9 @@ DIGITS = 9  #: of `proved_connection`
 def test_the_proof_holds_the_reference_values() -> None:
     proof = proved_connection()
     assert (proof.proved, proof.unique, proof.upright) == (True, True, True)
-    assert proof.omega_h is not None
     assert 2 * proof.omega_h.uncertainty <= Fraction(1, 10**DIGITS)
     assert proof.omega_h.holds(TRUTH["table1"].value)
     assert "there is exactly one Omega with" in proof.statement
-    assert proof.saddle_value is not None
     assert proof.saddle_value.value + proof.saddle_value.uncertainty < 0
     for mine, theirs in zip(proof.saddle_eigenvalues, ("u", "s", "ss"), strict=True):
         entry = reference(f"table1/linear/heteroclinic/point/lambda_{theirs}").measured()
@@ -60,7 +54,6 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
     """With gamma a real number, and only with all hypotheses."""
     proof = proved_connection()
     said = proof.limit_cycle
-    assert said is not None
     assert said in proof.to_dict().values()
     assert "gamma in R (not modulo 2 pi)" in said
     assert "exactly one periodic orbit above Omega_h and none below it or at it" in said
@@ -80,12 +73,15 @@ def test_what_follows_of_limit_cycles_names_its_space() -> None:
 def test_an_orbit_that_comes_in_along_the_fast_direction_is_told() -> None:
     z = [arb(0, 1e-9), arb("0.01", 1e-9), arb("0.001", 1e-9)]
     apart = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -100]])
-    assert _converges_along_slow_direction(apart, z)
-    assert not _converges_along_slow_direction(apart, [z[0], z[2], z[1]])
-    assert not _converges_along_slow_direction(apart, [z[0], arb(0, "0.01"), z[2]])
     # The discs are [-11, -5] and [-16.9, -10.9]
     near = arb_mat([[6, 1, 1], [1, -8, 2], [1, 2, -13.9]])
-    assert not _converges_along_slow_direction(near, z)
+    for matrix, box, slow in (
+        (apart, z, True),
+        (apart, [z[0], z[2], z[1]], False),
+        (apart, [z[0], arb(0, "0.01"), z[2]], False),
+        (near, z, False),
+    ):
+        assert bool(_converges_along_slow_direction(matrix, box)) is slow
 
 
 @pytest.mark.slow

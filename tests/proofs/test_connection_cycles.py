@@ -5,7 +5,7 @@ flights between the saddles.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from itertools import product
 from types import SimpleNamespace
@@ -15,11 +15,12 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import in_precision
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
 from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up_passage
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
-from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
+from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
 from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
@@ -31,13 +32,7 @@ from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
 from tippedisk_verify.proofs.kernel.certificates.passage import enclose_arrivals as flown
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
 
-
-@pytest.fixture(autouse=True)
-def _context() -> Iterator[None]:
-    with working_precision(BITS):
-        yield
-
-
+_context = in_precision(BITS)
 #: of D and Q, for the passage of `test_passage`
 ENTRY: dict[str, Any] = {
     "lid": arb(0.077),
@@ -237,7 +232,7 @@ def test_the_connection_stays_in_n() -> None:
 def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
     connection = SimpleNamespace(friction="linear", low=Fraction("30.048"), high=Fraction("30.05"))
     with pytest.raises(Unproved, match="an interval is empty"):
-        verify_cycles(connection, Fraction(low), Fraction(high), print)  # type: ignore[arg-type]
+        verify_cycles(connection, Fraction(low), Fraction(high), print)
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:

@@ -14,15 +14,12 @@ import pytest
 from tests.command_line import answer
 from tests.problems import speed_below
 from tests.proofs.cases import NUMBERS, box_is_included, half_flight, hull, turn_flight
+from tippedisk_verify import PRINTED, InputError, Measured, reference, shoot_limit_cycle
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import shifted_ops, vector_field
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus, Model
@@ -33,7 +30,6 @@ from tippedisk_verify.proofs.search.cycle_proof import (
     CycleStatus,
     prove_cycle,
 )
-from tippedisk_verify.reference_values.lookup import reference
 
 # The reference data's speed half a radian per second below Omega_crit
 OMEGA = Fraction("30.386592688644")

@@ -17,11 +17,10 @@ import pytest
 from tests.command_line import answer, printed
 from tests.problems import speed_below
 from tests.proofs.cases import half_flight, proved_connection
+from tippedisk_verify import CALIBRATED, PRINTED, Measured, Parameters, reference
 from tippedisk_verify.cycles.branch_cycles import librating_branch
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.kernel import vector_field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
@@ -42,7 +41,6 @@ from tippedisk_verify.proofs.search.connection_cycles_proof import (
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof import parameter_texts
-from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")

@@ -9,9 +9,7 @@ from fractions import Fraction
 import pytest
 
 from tests.proofs.cases import flow_for
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import QUADRUPLE
+from tippedisk_verify import PRINTED, QUADRUPLE, Request
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
@@ -59,14 +57,14 @@ def test_a_rotation_and_its_derivatives() -> None:
             (0, 0, decay, 0),
         )
         assert time.contains(exact_time)
-        for mine, true in zip(flight.state, expected, strict=True):
+        for mine, true in zip(flight.path.box, expected, strict=True):
             assert mine.contains(true)
             assert mine.rad() < 2.0**-90
-        for row, true_row in zip(flight.matrix, matrix, strict=True):
+        for row, true_row in zip(flight.path.derivatives, matrix, strict=True):
             for mine, true in zip(row, true_row, strict=True):
                 assert mine.contains(true)
                 assert mine.rad() < 2.0**-85
-        assert flight.divergence.contains(-3 * exact_time)
+        assert flight.path.divergence.contains(-3 * exact_time)
 
 
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
@@ -116,10 +114,10 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
         flight = flow_for(
             model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
         )
-    assert flight.status is None
-    assert flight.upright
+        found = (flight.path.box, *flight.path.derivatives, [flight.path.divergence])
+    assert (flight.status, flight.upright) == (None, True)
     for row, others in zip(
-        (flight.state, *flight.matrix, [flight.divergence]),
+        found,
         (ordinary.state, *ordinary.derivatives, [ordinary.divergence]),
         strict=True,
     ):
@@ -165,4 +163,4 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(24):
         short = flow_for(model(), start(), "0.5")
         # Twenty-four bits hold seven digits.
-        assert short.status is not None or max(part.rad() for part in short.state) > 1e-6
+        assert short.status is not None or max(part.rad() for part in short.path.box) > 1e-6

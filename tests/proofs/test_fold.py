@@ -9,6 +9,7 @@ from fractions import Fraction
 
 import pytest
 
+from tippedisk_verify import PRINTED, Measured, shoot_limit_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import (
     Fold,
@@ -17,9 +18,6 @@ from tippedisk_verify.cycles.families.folds import (
     rotation_fold,
 )
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import arb
 from tippedisk_verify.proofs.kernel.certificates.cycle import COORDINATE_NAMES
 from tippedisk_verify.proofs.kernel.certificates.fold import extremum as extremum_of

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -11,6 +11,7 @@ import mpmath
 import pytest
 from flint import arb, arb_mat
 
+from tests.proofs.cases import in_precision
 from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.numbers.exact import fraction
@@ -50,10 +51,7 @@ SMOOTH = PRINTED.with_friction("smooth")
 SHARP = arb(2) ** -140
 
 
-@pytest.fixture(autouse=True)
-def _bits() -> Iterator[None]:
-    with working_precision(BITS):
-        yield
+_context = in_precision(BITS)
 
 
 def saddle_at(parameters: Parameters, width: str = "0") -> SaddleCoordinates:

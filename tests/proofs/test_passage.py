@@ -7,7 +7,7 @@ inequality.
 from __future__ import annotations
 
 import random
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from fractions import Fraction
 from functools import cache
 from itertools import product
@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 from flint import arb, arb_mat
 
-from tests.proofs.cases import hull
+from tests.proofs.cases import hull, in_precision
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
@@ -60,10 +60,7 @@ def column(entries: Sequence[Any]) -> Any:
 ROUNDING_ALLOWANCE = arb(2) ** -40  # above the roundings of a handful of operations in 64 bits
 
 
-@pytest.fixture(autouse=True)
-def _context() -> Iterator[None]:
-    with working_precision(BITS):
-        yield
+_context = in_precision(BITS)
 
 
 #: A, M, C, B and the stirred products of a made-up passage; off the diagonals of both signs

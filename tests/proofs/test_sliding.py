@@ -4,19 +4,18 @@ proved under it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
-from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tests.proofs.cases import NUMBERS, flow_for, half_flight, in_precision
+from tippedisk_verify import PRINTED, Parameters, reference
 from tippedisk_verify.proofs.kernel import sliding
-from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
+from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep
+from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
 from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
@@ -25,7 +24,6 @@ from tippedisk_verify.proofs.search.connection_proof import (
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
-from tippedisk_verify.reference_values.lookup import reference
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
@@ -35,22 +33,10 @@ GUESS = tuple(
 )
 #: A hundredth of a second before the first sliding reversal of the limit cycle, and until as long
 #: after it.
-START, SPAN, SIZE = ("0", "1.725", "-1.7105"), "0.02", Fraction(1, 10**6)
+START, SPAN = ("0", "1.725", "-1.7105"), "0.02"
 
 
-@pytest.fixture(autouse=True)
-def _bits() -> Iterator[None]:
-    with working_precision(100):
-        yield
-
-
-def flown(start=START, omega=OMEGA, **options) -> Flight:
-    """The flow from a start over `SPAN`."""
-    flight = flow_for(
-        model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
-    )
-    assert flight.status is None
-    return flight
+_context = in_precision(100)
 
 
 def gamma_y(constants, omega, state):
@@ -79,7 +65,6 @@ def test_reversals_are_counted_and_the_sign_between_them_is_known(
     path = model_for_disk(SMOOTH, ball(OMEGA)).path(
         [ball(part) for part in start], FlightStepSearch()
     )
-    assert isinstance(path, SlidingPath)
     crossings, before = 0, path.side
     while path.time < ball(span):
         step = path.step()
@@ -184,7 +169,6 @@ def test_the_proved_interval_holds_omega_h(connection: ConnectionProof) -> None:
     assert connection.proved
     assert connection.unique
     assert connection.upright
-    assert connection.omega_h is not None
     assert connection.omega_h.holds(TRUTH.value)
     assert 2 * connection.omega_h.uncertainty <= Fraction(1, 10)
     assert (

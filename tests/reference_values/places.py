@@ -11,17 +11,11 @@ from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import lru_cache
 
-from tippedisk_verify.disk import Disk
+from tippedisk_verify import SCENES, Disk, Measured, exact, omega_crit
 from tippedisk_verify.model.parameters import Friction
-from tippedisk_verify.motion.scenes import SCENES
-from tippedisk_verify.numbers.exact import exact
-from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.reference_values.drawn_disks import decimal_text
 from tippedisk_verify.reference_values.entries import READINGS, ReferenceEntry
-from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.slow_manifold import RESIDUAL_POINTS
-
-__all__ = ["PLACES"]
 
 _LAWS: tuple[Friction, ...] = ("linear", "smooth")
 

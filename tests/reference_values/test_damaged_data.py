@@ -12,11 +12,9 @@ import pytest
 from reference_data.make import generation
 from reference_data.make.generation import generate, replace_files
 from tests.command_line import answer, assert_refused, printed
-from tippedisk_verify.conformance.grading import compare
+from tippedisk_verify import InputError, compare, reference
 from tippedisk_verify.conformance.sheet import questions, read_answers, sheet_csv, sheet_json
-from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values import store as reading
-from tippedisk_verify.reference_values.lookup import reference
 from tippedisk_verify.reference_values.manifest import faults_in_files
 from tippedisk_verify.reference_values.store import Store
 
@@ -113,7 +111,7 @@ def test_whoever_reads_refuses(
     ],
 )
 def test_files_that_come_or_go(damage: object, says: str, folder: Path) -> None:
-    damage(folder)  # type: ignore[operator]
+    damage(folder)
     with pytest.raises(InputError, match=says) as refused:
         Store(folder)
     _one_line(refused.value)

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.command_line import printed
-from tests.test_cli import GOOD
+from tests.command_line import TABLE_1_FILE, printed
 from tippedisk_verify.figures.exhibit_catalogue import EXHIBITS
 from tippedisk_verify.report.audit_pages import _mark_up_symbols
 
@@ -187,7 +186,7 @@ def test_a_verdict_has_the_same_words_on_the_terminal_and_in_the_report(
 ) -> None:
     """The claims include all verdicts: different between sets, proved, and each kind of fault."""
     monkeypatch.chdir(tmp_path)
-    Path("own.toml").write_text(GOOD, encoding="utf-8")
+    Path("own.toml").write_text(TABLE_1_FILE, encoding="utf-8")
     only = "omega_crit,lambda_3,chi,kappa_1,kappa_2,linearization,inverted_unstable_below,convergent_series"
     lines = printed(f"verify --only {only} --out out --parameters {disk} --jobs 1")
     terminal = dict(re.findall(r"^(\w+)  +(\S.*?)(?:  .*|)$", lines, re.MULTILINE))
@@ -216,7 +215,7 @@ def test_results_of_earlier_runs_are_reported(
 
 def test_names_from_outside_are_text(tmp_path: Path) -> None:
     path = tmp_path / "<script>alert(1)</script>&`x`[a](b)|.toml".replace("/", "∕")
-    path.write_text(GOOD, encoding="utf-8")
+    path.write_text(TABLE_1_FILE, encoding="utf-8")
     out = tmp_path / "out"
     words = ["verify", "--quiet", "--only", "omega_crit", "--out", out, "--parameters", path]
     printed(shlex.join(map(str, words)))
@@ -233,7 +232,7 @@ def test_an_odd_but_possible_disk_gets_its_report(tmp_path: Path) -> None:
     reason.
     """
     path = tmp_path / "low.toml"
-    path.write_text(GOOD.replace("9.81", "1e-9"), encoding="utf-8")
+    path.write_text(TABLE_1_FILE.replace("9.81", "1e-9"), encoding="utf-8")
     out = tmp_path / "out"
     only = "inverted_unstable_below scene_d"
     printed(f"verify --quiet --out {out} --parameters {path} --only {only}")

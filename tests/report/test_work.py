@@ -131,7 +131,7 @@ def test_a_pool_whose_processes_die_is_no_end(monkeypatch: pytest.MonkeyPatch) -
         Cache(None),
         lambda tasks: nullcontext(Dying()),
         quiet,
-    )  # type: ignore[arg-type]
+    )
     assert {task.name for task in outcomes} == set(HEAVY)
 
 

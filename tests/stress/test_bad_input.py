@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 
 import tippedisk_verify as tv
 from tests.command_line import assert_refused
+from tests.numbers.test_numbers import NO_NUMBERS
 from tippedisk_verify.cli import cli
 
 Wrong = tuple[Any, ...]
@@ -376,6 +377,29 @@ def _integrated(omega: Any = "30.4", gamma: Any = 2, duration: Any = 1, **more: 
 
 #: Values that each of these calls must refuse.
 CALLS: list[tuple[Wrong, list[Call]]] = [
+    (
+        tuple(value for value, _ in NO_NUMBERS.values()),
+        [
+            lambda x: tv.DOUBLE.number(x),
+            lambda x: tv.precision_of_bits(100).number(x),
+            lambda x: tv.Measured.of(1, x),
+            lambda x: tv.Disk("table1", mu=x),
+            lambda x: _DISK.equilibrium("inverted", x),
+            lambda x: _DISK.rhs(x),
+            lambda x: _DISK.branch(["30.4", x]),
+            lambda x: _DISK.speed(above_het=x if x is not None else "nan"),
+            lambda x: _DISK.integrate("30.4", (1.5, 1.6, x), "0.01"),
+            lambda x: _integrated(duration=(0, x)),
+            lambda x: _integrated(t_eval=[0.5, x]),
+            lambda x: tv.Request(_DISK, "30.4", (1.5, 1.6, 0), 1, times=[0.5, x]),
+            lambda x: _DISK.slow_manifold(1, "30.4", at=(x, "0.3")),
+            lambda x: _DISK.basins("30.4", count=4, v=x),
+            lambda x: _DISK.basins("30.4", count=4, duration=x),
+            lambda x: _flown(1, [x]),
+            lambda x: _flown(2, [[1.5, x, 0.0]]),
+            lambda x: _DISK.hopf(digits=x),
+        ],
+    ),
     (
         NUMBERS,
         [

@@ -17,10 +17,11 @@ from tests.stress.runs import (
     LONGEST,
     PROGRAM,
     SWEEP,
+    Struck,
+    ended_by,
     one_line,
     run,
 )
-from tests.stress.strikes import Struck, ended_by
 from tippedisk_verify.reference_values.manifest import faults_in_files
 
 pytestmark = pytest.mark.skipif(

@@ -15,15 +15,11 @@ import pytest
 
 import tippedisk_verify
 from reference_data.make.generation import generate
-from tests.command_line import Ran, assert_refused, ran
+from tests.command_line import TABLE_1_FILE, Ran, assert_refused, ran
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.reference_values.manifest import MAX_FILE_BYTES, faults_in_files
 from tippedisk_verify.reference_values.store import Store, data_folder
 
-_TOML = (
-    b'r = "0.045"\ne = "0.0025"\nm = "0.435"\nA = "0.249e-3"\nB = "0.227e-3"\n'
-    b'g = "9.81"\nmu = "0.3"\nepsilon = "0.1"\n'
-)
 _ID = "table1/linear/hopf/point/omega_crit"
 _TOKENS = (
     *(bytes([code]) for code in b"\0\"'\\\n\r,;{}[]=-#"),
@@ -86,7 +82,7 @@ def _sheet(path: Path) -> bytes:
 def _parameter_files(folder: Path, draws: int) -> Iterator[Ran]:
     path, draw = folder / "disk.toml", random.Random(1)
     for _ in range(draws):
-        path.write_bytes(damaged(_TOML, draw))
+        path.write_bytes(damaged(TABLE_1_FILE.encode(), draw))
         yield ran(["hopf", "--json", "--parameters", str(path)])
 
 

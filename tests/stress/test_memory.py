@@ -13,10 +13,8 @@ import gc
 
 import pytest
 
-from tippedisk_verify.flow.contract import SECTION, Request, Status
-from tippedisk_verify.flow.taylor import Taylor
-from tippedisk_verify.model.parameters import PRINTED
-from tippedisk_verify.numbers.precision import precision_of_bits
+from tippedisk_verify import PRINTED, Request, Status, Taylor, precision_of_bits
+from tippedisk_verify.flow.contract import SECTION
 
 _LIBRARY = ctypes.CDLL(None)
 pytestmark = pytest.mark.skipif(

@@ -10,10 +10,8 @@ from hypothesis import strategies as st
 
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, ran
-from tippedisk_verify.errors import AccuracyError, InputError
+from tippedisk_verify import PRINTED, AccuracyError, InputError, Request
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import Request
-from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.stress.battery import CASES
 from tippedisk_verify.stress.case import (
     CaseOutcome,

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.dask_cluster import changed_package, scheduler, worker, workers
-from tests.stress.strikes import Struck, ended_by
+from tests.stress.runs import Struck, ended_by
 from tests.test_sweep import after_rows, asked
 from tippedisk_verify.cli import main
 from tippedisk_verify.support import workers as module

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.stress.runs import LONGEST, PROGRAM
-from tests.stress.strikes import INTERRUPTED, Struck
+from tests.stress.runs import INTERRUPTED, LONGEST, PROGRAM, Struck
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="signals are POSIX here")
 

@@ -93,7 +93,7 @@ def test_work_is_watched_unless_that_is_turned_off(call, monkeypatch) -> None:
 @pytest.mark.parametrize("terminal", [False, True])
 def test_long_work_is_shown_on_a_terminal_with_its_end(terminal, monkeypatch, capsys) -> None:
     output = io.StringIO()
-    output.isatty = lambda: terminal  # type: ignore[method-assign]
+    output.isatty = lambda: terminal
     monkeypatch.setattr(sys, "stderr", output)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setattr(progress, "_DELAY", 0.0)

@@ -15,10 +15,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tests.problems import decimals, paper_terms, physical_parameters
-from tippedisk_verify.errors import AccuracyError
-from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify import AccuracyError, Parameters, omega_crit, one_harmonic
 from tippedisk_verify.numbers.exact import rational_in_context
-from tippedisk_verify.theory.hopf import omega_crit
 from tippedisk_verify.theory.one_harmonic_law import (
     Form,
     amplitude_and_frequency_squared,
@@ -27,7 +25,6 @@ from tippedisk_verify.theory.one_harmonic_law import (
     hopf_slopes,
     kappa_1,
     kappa_2,
-    one_harmonic,
     section_crossing,
 )
 
