@@ -19,7 +19,12 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus, Model, Path
+from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedFlight,
+    FlightStopped,
+    FlowStatus,
+    Model,
+)
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
@@ -40,14 +45,14 @@ NUMBERS = (
 
 
 @dataclass(frozen=True)
-class Flight:
+class FlowOutcome:
     """Where all orbits from a box are after a time, proved.
 
     A status makes the rest mean nothing.
     """
 
     status: FlowStatus | None  #: why the time is not reached
-    path: Path
+    flight: EnclosedFlight
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
     #: (3, 4): d(end)/d(beta, gamma, v at the start, Omega)
     matrix: tuple[tuple[Any, ...], ...] | None = None
@@ -55,36 +60,36 @@ class Flight:
     @property
     def state(self) -> tuple[Any, Any, Any]:
         """Holds the end of every orbit, (beta_bar, gamma_bar, v)."""
-        return self.path.box
+        return self.flight.box
 
     @property
     def divergence(self) -> Any:
         """Integral of div f over the run."""
-        return self.path.divergence
+        return self.flight.divergence
 
 
 def flow_for(
     model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
-) -> Flight:
+) -> FlowOutcome:
     """The flow for a positive time from a box of states."""
-    path, span = model.path(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
+    flight, span = model.flight(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
     upright, share = True, 1.0
     while True:
-        left = span - path.time  # positive: what was taken is proved to be shorter
+        left = span - flight.time  # positive: what was taken is proved to be shorter
         length = share * rounded_down_to_20_bits(float(left.abs_upper()) * (1 + 2.0**-18))
         try:
-            step = path.step(max(length, 2 * MIN_STEP))
+            step = flight.step(max(length, 2 * MIN_STEP))
         except FlightStopped as fault:
-            return Flight(fault.status, path)
+            return FlowOutcome(fault.status, flight)
         if not (left <= step.length or left > step.length):
             share /= 2  # the step ends within the duration's ball
             continue
         share = 1.0
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
-            path.take_step(step, left)
-            return Flight(None, path, upright, path.derivatives if derivatives else None)
-        path.take_step(step)
+            flight.take_step(step, left)
+            return FlowOutcome(None, flight, upright, flight.derivatives if derivatives else None)
+        flight.take_step(step)
 
 
 #: What tampers with a certificate.

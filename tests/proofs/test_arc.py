@@ -80,7 +80,7 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     """With the numbers of the flight's first return, in 200 bits, from ends and from inside
     of the box.
     """
-    line, flight, _ = flown()
+    line, half_map, _ = flown()
     for s, signs in (
         (-1, (1, 1, 1)),
         (Fraction(1, 3), (-1, 1, 0)),
@@ -95,12 +95,14 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
             *image, time, divergence = integrated(
                 *(ball_to_measured(part.mid()).value for part in start)
             )
-            assert evaluate_polynomial(flight.divergence.coefficients, ball(s)).contains(divergence)
+            assert evaluate_polynomial(half_map.divergence.coefficients, ball(s)).contains(
+                divergence
+            )
             if not any(signs):
-                assert evaluate_polynomial(flight.curve_time.coefficients, ball(s)).contains(time)
+                assert evaluate_polynomial(half_map.curve_time.coefficients, ball(s)).contains(time)
             for own, row, x in zip(
-                (*flight.image, flight.curve_time),
-                (*flight.image_by_start, flight.time_by_start),
+                (*half_map.image, half_map.curve_time),
+                (*half_map.image_by_start, half_map.time_by_start),
                 (*image, time),
                 strict=True,
             ):
@@ -154,7 +156,7 @@ SPOILED_LOGS: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 
 @pytest.mark.slow(minutes=0.4)
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
-    line, flight, log = flown()
+    line, half_map, log = flown()
     with working_precision(64):
         again = half_map_of_curves.enclose_half_map(
             ball_constants(WIDE), line, half_map_of_curves.CurveReplay(log)
@@ -162,7 +164,7 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
         assert all(
             a.overlaps(b) and a.contains(b)
             for a, b in zip(
-                again.curve_time.coefficients, flight.curve_time.coefficients, strict=True
+                again.curve_time.coefficients, half_map.curve_time.coefficients, strict=True
             )
         )
         for spoil, said in SPOILED_LOGS.values():
@@ -210,7 +212,7 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert found.included
         assert found.stable() is True
         # det(P' - 1) along the curve, and by the trace and Liouville's formula.
-        by_trace = 1 - found.trace().range() - found.flight.divergence.range().exp()
+        by_trace = 1 - found.trace().range() - found.half_map.divergence.range().exp()
         assert (found.slopes[1] * found.determinant).range().overlaps(by_trace)
         # The slopes are those by Omega over dgamma_bar_0/dOmega.
         numbers = cycle(Fraction(1)).numbers()
@@ -244,8 +246,8 @@ def test_a_saddle_is_not_stable() -> None:
     P' has a small determinant and a trace of 0.9.
     """
     slopes = Jet([arb(0)]), Jet([arb(-1)])  # of the unknowns: Omega falls
-    flight = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
+    half_map = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):
         curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
-        arc = Arc(True, curve, flight, (), slopes, Jet([arb(determinant)]))
+        arc = Arc(True, curve, half_map, (), slopes, Jet([arb(determinant)]))
         assert arc.stable() is stable

@@ -44,11 +44,11 @@ def blow_up(ops, constants, omega):
 
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
-        flight = flow_for(
+        outcome = flow_for(
             Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
         )
-        assert flight.status is None
-        time = flight.path.time
+        assert outcome.status is None
+        time = outcome.flight.time
     with working_precision(200):
         angle, exact_time = ball("2.6"), ball("1.3")
         sine, cosine, decay = angle.sin(), angle.cos(), (-3 * exact_time).exp()
@@ -59,14 +59,14 @@ def test_a_rotation_and_its_derivatives() -> None:
             (0, 0, decay, 0),
         )
         assert time.contains(exact_time)
-        for mine, true in zip(flight.state, expected, strict=True):
+        for mine, true in zip(outcome.state, expected, strict=True):
             assert mine.contains(true)
             assert mine.rad() < 2.0**-90
-        for row, true_row in zip(flight.matrix, matrix, strict=True):
+        for row, true_row in zip(outcome.matrix, matrix, strict=True):
             for mine, true in zip(row, true_row, strict=True):
                 assert mine.contains(true)
                 assert mine.rad() < 2.0**-85
-        assert flight.divergence.contains(-3 * exact_time)
+        assert outcome.divergence.contains(-3 * exact_time)
 
 
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
@@ -76,14 +76,14 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
-        path = Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch())
-        trial = StepTrial(path, (18, 16))
+        flight = Model(constants, ball(1), blow_up).flight([2, 1, 1], FlightStepSearch())
+        trial = StepTrial(flight, (18, 16))
         assert [trial.tested_step(length).included for length in lengths] == shown
         array_model = Model(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
         )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        trial = StepTrial(array_model.path(start, FlightStepSearch()), (18, 16))
+        trial = StepTrial(array_model.flight(start, FlightStepSearch()), (18, 16))
         assert list(trial.tested_step(BallArray(lengths)).included) == shown
 
 
@@ -113,13 +113,13 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
     )
     ordinary = taylor(request)
     with working_precision(80):
-        flight = flow_for(
+        outcome = flow_for(
             model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
         )
-    assert flight.status is None
-    assert flight.upright
+    assert outcome.status is None
+    assert outcome.upright
     for row, others in zip(
-        (flight.state, *flight.matrix, [flight.divergence]),
+        (outcome.state, *outcome.matrix, [outcome.divergence]),
         (ordinary.state, *ordinary.derivatives, [ordinary.divergence]),
         strict=True,
     ):
@@ -131,15 +131,15 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
     with working_precision(64):
-        path = model().path(start(), FlightStepSearch())
-        while path.time < arb(0.1):
-            step = path.step()
+        flight = model().flight(start(), FlightStepSearch())
+        while flight.time < arb(0.1):
+            step = flight.step()
             for share in (0, 0.3, 0.7, 1):
                 state = step.states_at(ball(share * step.length))
                 assert all(
                     whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True)
                 )
-            path.take_step(step)
+            flight.take_step(step)
 
 
 # ----------------------------------------------------------------------------- ends without a proof
@@ -155,9 +155,9 @@ def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
             is FlowStatus.TOO_WIDE
         )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
-            flight = flow_for(model(), [0, strange, -1], "0.1")
-            assert flight.status is FlowStatus.NO_ENCLOSURE
-            assert flight.path.step_count == 0
+            outcome = flow_for(model(), [0, strange, -1], "0.1")
+            assert outcome.status is FlowStatus.NO_ENCLOSURE
+            assert outcome.flight.step_count == 0
         assert (
             flow_for(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
             is FlowStatus.NO_ENCLOSURE

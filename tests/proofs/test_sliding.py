@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from tests.proofs.cases import NUMBERS, Flight, flow_for, half_flight
+from tests.proofs.cases import NUMBERS, FlowOutcome, flow_for, half_flight
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
-from tippedisk_verify.proofs.kernel.sliding import SlidingPath, SlidingReversalStep
+from tippedisk_verify.proofs.kernel.sliding import SlidingFlight, SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
 from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
@@ -44,13 +44,13 @@ def _bits() -> Iterator[None]:
         yield
 
 
-def flown(start=START, omega=OMEGA, **options) -> Flight:
+def flown(start=START, omega=OMEGA, **options) -> FlowOutcome:
     """The flow from a start over `SPAN`."""
-    flight = flow_for(
+    outcome = flow_for(
         model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
     )
-    assert flight.status is None
-    return flight
+    assert outcome.status is None
+    return outcome
 
 
 def gamma_y(constants, omega, state):
@@ -76,25 +76,25 @@ LATER = "0.08"  # s
 def test_reversals_are_counted_and_the_sign_between_them_is_known(
     start: Any, span: str, reversals: int
 ) -> None:
-    path = model_for_disk(SMOOTH, ball(OMEGA)).path(
+    flight = model_for_disk(SMOOTH, ball(OMEGA)).flight(
         [ball(part) for part in start], FlightStepSearch()
     )
-    assert isinstance(path, SlidingPath)
-    crossings, before = 0, path.side
-    while path.time < ball(span):
-        step = path.step()
+    assert isinstance(flight, SlidingFlight)
+    crossings, before = 0, flight.side
+    while flight.time < ball(span):
+        step = flight.step()
         crossings += isinstance(step, SlidingReversalStep)
-        path.take_step(step)
-        assert positive(path.side * gamma_y(ball_constants(SMOOTH), ball(OMEGA), path.box))
-    assert (path.reversals, before, path.side) == (reversals, -1, 1 if reversals == 1 else -1)
+        flight.take_step(step)
+        assert positive(flight.side * gamma_y(ball_constants(SMOOTH), ball(OMEGA), flight.box))
+    assert (flight.reversals, before, flight.side) == (reversals, -1, 1 if reversals == 1 else -1)
     assert crossings == min(reversals, 1) or reversals == 2
 
 
 def test_a_box_that_holds_a_grazing_orbit_is_not_followed() -> None:
     start = [*map(ball, GRAZING[:2]), ball(GRAZING[2]) + arb(0, "0.001")]
-    flight = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
-    assert flight.status is FlowStatus.GRAZING
-    assert flight.path.time < ball(LATER)
+    outcome = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
+    assert outcome.status is FlowStatus.GRAZING
+    assert outcome.flight.time < ball(LATER)
 
 
 def test_a_start_on_both_sides_is_not_followed() -> None:
@@ -110,26 +110,26 @@ def test_a_start_on_both_sides_is_not_followed() -> None:
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_for_disk(SMOOTH, ball(OMEGA)).path(start, FlightStepSearch(), derivatives=True)
-    step = path.step()
+    flight = model_for_disk(SMOOTH, ball(OMEGA)).flight(start, FlightStepSearch(), derivatives=True)
+    step = flight.step()
     while not isinstance(step, SlidingReversalStep):
-        path.take_step(step)
-        step = path.step()
+        flight.take_step(step)
+        step = flight.step()
     doubtful = step.reversal_time.mid()
     assert not any(entry.is_finite() for row in step.step_derivatives_at(doubtful) for entry in row)
     assert not step.divergence_at(doubtful).is_finite()
     assert step.states_at(doubtful) == step.enclosure
-    path.take_step(step, doubtful)
-    assert not any(part.is_finite() for part in path.box)
+    flight.take_step(step, doubtful)
+    assert not any(part.is_finite() for part in flight.box)
 
 
 # ------------------------------------------------------------------------------------- limit cycles
 def test_the_reference_cycle_returns_to_its_start() -> None:
     truth = {name: reference(f"{PLACE}/{name}").measured() for name in NUMBERS[:4]}
     start = truth["gamma_bar_0"], truth["v_0"]
-    flight = half_flight(model_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
-    assert flight.reversals == 3
-    held = [*flight.image, 2 * flight.time, -flight.beta_least]
+    image = half_flight(model_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
+    assert image.reversals == 3
+    held = [*image.image, 2 * image.time, -image.beta_least]
     for mine, other in zip(held, (*start, truth["period"], truth["beta_max"]), strict=True):
         assert ball_to_measured(mine).holds(other.value)
         # The flight multiplies the roundings of 100 bits by some thousands.

@@ -60,10 +60,10 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedFlight,
     FlightStopped,
     FlowStatus,
     Model,
-    Path,
     StepProposer,
 )
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time, evaluate_polynomial
@@ -75,7 +75,7 @@ from tippedisk_verify.proofs.kernel.vector_field import (
 )
 
 __all__ = [
-    "SlidingPath",
+    "SlidingFlight",
     "SlidingReversalStep",
     "SmoothModel",
     "model_for_friction",
@@ -153,10 +153,10 @@ class SmoothModel(Model):
         )[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
-    def path(
+    def flight(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
-    ) -> Path:
-        return SlidingPath(self, start, proposer, derivatives=derivatives)
+    ) -> EnclosedFlight:
+        return SlidingFlight(self, start, proposer, derivatives=derivatives)
 
 
 @dataclass(frozen=True)
@@ -206,7 +206,7 @@ class SlidingReversalStep(Step):
         )
 
 
-class SlidingPath(Path):
+class SlidingFlight(EnclosedFlight):
     """The flight of all orbits from a box, through changes of the sliding velocity's sign. At the
     start this sign is the same for all orbits.
     """
@@ -328,7 +328,7 @@ class SlidingPath(Path):
         until = magnitude_estimate(reversal_time + _CROSSING_MARGIN * step.length)
         left = until - reversal_time
         other = self.model.for_side(-1)
-        onwards = Path(
+        onwards = EnclosedFlight(
             other,
             step.states_at(reversal_time),
             self.proposer.after_reversal(),

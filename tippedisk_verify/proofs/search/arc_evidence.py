@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     UNKNOWN_INDICES,
     Arc,
     Curve,
-    CurvePath,
+    CurveFlight,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
@@ -85,18 +85,18 @@ class CurveStepSearch:
         self.log: list[dict[str, Any]] = []
         self._done, self._share = 0.0, _FIRST_SHARE
 
-    def next_step(self, path: CurvePath, max_length: Any) -> Step:
-        """Return a step of the path with small remainders.
+    def next_step(self, flight: CurveFlight, max_length: Any) -> Step:
+        """Return a step of the flight with small remainders.
 
         The orbits return to the section well inside this step, or well after it. ``max_length`` is
         not used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = StepTrial(path, SERIES_ORDERS)
+        trial = StepTrial(flight, SERIES_ORDERS)
         for _ in range(_MAX_TRIALS):
             text = self._next_share()
             share = float(text)
-            step = trial.tested_step((path.duration * share).mid())
+            step = trial.tested_step((flight.duration * share).mid())
             excess = max(
                 _length_excess(
                     step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE

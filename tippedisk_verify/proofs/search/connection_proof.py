@@ -51,7 +51,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     off_diagonal_sums,
     verify_unstable_cone,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
 from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, widened
 from tippedisk_verify.proofs.search.proof import (
     EvidenceSearch,
@@ -454,10 +454,10 @@ class _ConnectionSearch(EvidenceSearch):
     def flight(self) -> FlightStepSearch:
         return FlightStepSearch()
 
-    def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
-        beta, gamma, _ = path.box
+    def arrived(self, flight: EnclosedFlight, z: Sequence[Any], curve: ManifoldGraph) -> bool:
+        beta, gamma, _ = flight.box
         # gamma falls, or has passed the saddle
-        if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
+        if flight.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
             raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
             abs(z[SLOW]) < self.reach

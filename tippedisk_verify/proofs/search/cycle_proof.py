@@ -286,7 +286,7 @@ class CycleAttempt:
             middle: The box's centre: both coordinates on the section, and the speed.
             speed_deviation: A ball of the speed's deviation from the centre.
             size: The exponent of the radii.
-            centre: The flight from the centre, if it has already been computed.
+            centre: The search and the map at the centre, if they have already been computed.
 
         Returns:
             The test's result, and the evidence.
@@ -314,7 +314,7 @@ class CycleAttempt:
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 try:
-                    flight = enclose_poincare_map(
+                    image = enclose_poincare_map(
                         model_for_disk(self.parameters, ball(self.omega)),
                         self.section,
                         state,
@@ -324,11 +324,11 @@ class CycleAttempt:
                 except FlightStopped as fault:
                     raise SearchStopped(CycleStatus.NOT_FOLLOWED, f"at {fault}") from None
                 if matrix is None:
-                    (a, b, _), (c, d, _) = flight.image_by_start
+                    (a, b, _), (c, d, _) = image.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = matrix_times_vector(
-                    inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
+                    inverse, [new - old for new, old in zip(image.image, state, strict=True)]
                 )
                 if not all(part.is_finite() for part in step):
                     raise SearchStopped(

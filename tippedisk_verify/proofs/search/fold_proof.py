@@ -223,18 +223,18 @@ class _FoldAttempt:
         ]
         for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
-            flight = enclose_poincare_map(
+            image = enclose_poincare_map(
                 model_for_disk(self.parameters, m[1]), self.section, start, search
             )
             steps = matrix_times_vector(
-                inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
+                inverse, [after - before for after, before in zip(image.image, start, strict=True)]
             )
             if all(abs(step) < size / 4 for step, size in zip(steps, radii, strict=True)):
                 break
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
         else:
             raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
-        fixed = self.test_box(name, end, m, radii, (search, flight))
+        fixed = self.test_box(name, end, m, radii, (search, image))
         require(
             fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box"
         )

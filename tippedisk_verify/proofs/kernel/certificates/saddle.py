@@ -87,7 +87,7 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
-from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, Model
 from tippedisk_verify.proofs.kernel.sliding import model_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
@@ -327,19 +327,19 @@ class SaddleCoordinates:
             )
             return coefficient(moved, 1)
 
-    def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the proved flight (a path, before its first step) of all orbits from a box of z
+    def flight(self, z: Sequence[Any], proposer: Any) -> EnclosedFlight:
+        """Return the proved flight, before its first step, of all orbits from a box of z
         about the first saddle.
 
-        ``proposer`` chooses its steps. The path also carries the derivatives with respect to the
+        ``proposer`` chooses its steps. The flight also carries the derivatives with respect to the
         coordinates z at the start and the speed.
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        path = model_for_friction(self.friction, self.constants, self.omega).path(
+        flight = model_for_friction(self.friction, self.constants, self.omega).flight(
             start, proposer, derivatives=True
         )
-        state_set = path.state_set = Doubleton([x.mid() for x in start], self.omega)
+        state_set = flight.state_set = Doubleton([x.mid() for x in start], self.omega)
         directions = self.directions.tolist()
         state_set.axes, state_set.remainder = (
             directions,
@@ -350,8 +350,8 @@ class SaddleCoordinates:
             for row, entries in zip(directions, state_set.linear_part, strict=True)
         ]
         state_set.deviation = [*(x - x.mid() for x in z), state_set.deviation[3]]
-        path.box = state_set.box()
-        return path
+        flight.box = state_set.box()
+        return flight
 
     def enclosed_coordinates(
         self, state_set: Doubleton, deviation: Sequence[Any] | None = None
