@@ -20,10 +20,10 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedField,
     EnclosedFlight,
     FlightStopped,
     FlowStatus,
-    Model,
 )
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
@@ -69,10 +69,10 @@ class FlowOutcome:
 
 
 def flow_for(
-    model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
+    field: EnclosedField, start: Sequence[Any], duration: object, *, derivatives: bool = False
 ) -> FlowOutcome:
     """The flow for a positive time from a box of states."""
-    flight, span = model.flight(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
+    flight, span = field.flight(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
     upright, share = True, 1.0
     while True:
         left = span - flight.time  # positive: what was taken is proved to be shorter
@@ -113,34 +113,34 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> PoincareImage:
+def half_flight(field: EnclosedField, gamma_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The half map over a box."""
     return enclose_poincare_map(
-        model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options
+        field, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options
     )
 
 
-def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> PoincareImage:
+def turn_flight(field: EnclosedField, beta_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The turn map over a box."""
     return enclose_poincare_map(
-        model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options
+        field, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options
     )
 
 
 def krawczyk_result(
-    model: Model,
+    field: EnclosedField,
     middle: Sequence[Any],
     radii: Sequence[Any],
     section: PoincareSection = LIBRATING_SECTION,
 ) -> KrawczykResult | None:
-    """Krawczyk's test for all speeds of the model at once; None if the map could not be
+    """Krawczyk's test for all speeds of the field at once; None if the map could not be
     followed.
     """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
     try:
-        centre = enclose_poincare_map(model, section, middle, FlightStepSearch())
-        over = enclose_poincare_map(model, section, box, FlightStepSearch(), derivatives=True)
+        centre = enclose_poincare_map(field, section, middle, FlightStepSearch())
+        over = enclose_poincare_map(field, section, box, FlightStepSearch(), derivatives=True)
     except FlightStopped:
         return None
     return apply_krawczyk_operator(
@@ -148,9 +148,9 @@ def krawczyk_result(
     )
 
 
-def box_is_included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+def box_is_included(field: EnclosedField, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
     """Whether the box passes the test."""
-    fixed = krawczyk_result(model, middle, radii)
+    fixed = krawczyk_result(field, middle, radii)
     return fixed is not None and fixed.included
 
 

@@ -131,13 +131,13 @@ def test_steps_backwards_or_too_long_are_refused_with_their_flight(share: float)
 )
 def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> None:
     """beta_bar and v over it, and the sign of v'."""
-    model: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
+    field: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
     step: Any = SimpleNamespace(enclosure=(BallArray(beta), None, BallArray.of(v)))
     if isinstance(line, list):
-        assert flights_module._may_have_maximum(model, step).tolist() == line
+        assert flights_module._may_have_maximum(field, step).tolist() == line
     else:
         with pytest.raises(Unproved, match=line):
-            flights_module._may_have_maximum(model, step)
+            flights_module._may_have_maximum(field, step)
 
 
 def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
@@ -148,7 +148,7 @@ def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
     """
     for shown in ([False, False], [True, False]):
         monkeypatch.setattr(
-            flights_module, "_may_have_maximum", lambda model, step, shown=shown: np.array(shown)
+            flights_module, "_may_have_maximum", lambda field, step, shown=shown: np.array(shown)
         )
         with pytest.raises(
             Unproved,

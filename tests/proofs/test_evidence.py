@@ -19,7 +19,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, FlightStopped
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
-from tippedisk_verify.proofs.numbers import model_for_disk
+from tippedisk_verify.proofs.numbers import field_for_disk
 from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
 
 OMEGA, START = "30.4", (1.7, -1.72)
@@ -58,7 +58,7 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     parameters, size = PRINTED.with_friction(friction), arb("1e-9")
     with working_precision(120):
         truth = half_flight(
-            model_for_disk(parameters, ball(OMEGA)), *map(ball, START), derivatives=True
+            field_for_disk(parameters, ball(OMEGA)), *map(ball, START), derivatives=True
         )
     shown = 0
     for seed in range(5):
@@ -67,7 +67,7 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
             proposer = CarelessSearch(random.Random(seed))
             try:
                 image = enclose_poincare_map(
-                    model_for_disk(parameters, ball(OMEGA)),
+                    field_for_disk(parameters, ball(OMEGA)),
                     LIBRATING_SECTION,
                     box,
                     proposer,
@@ -132,7 +132,7 @@ def flown(proposer: FlightStepSearch) -> PoincareImage:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
         return enclose_poincare_map(
-            model_for_disk(PRINTED, ball("30.4")),
+            field_for_disk(PRINTED, ball("30.4")),
             LIBRATING_SECTION,
             box,
             proposer,

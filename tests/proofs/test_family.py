@@ -29,8 +29,8 @@ from tippedisk_verify.proofs.kernel.certificates import check
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
 from tippedisk_verify.proofs.kernel.half_map_of_curves import enclose_half_map
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.proved_flow import Model
-from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledField
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.search import arc_evidence
 from tippedisk_verify.proofs.search import family_intervals as search
@@ -88,7 +88,7 @@ def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
         start = [ball(part) for part in ("0.3", "0.9", "-1.2")]
         matrix = linearization(constants, omega, INVERTED)
         for mine, row in zip(
-            ScaledModel(constants, omega, arb(0)).rates(start), matrix, strict=True
+            ScaledField(constants, omega, arb(0)).rates(start), matrix, strict=True
         ):
             assert mine.overlaps(sum((a * x for a, x in zip(row, start, strict=True)), arb(0)))
 
@@ -105,7 +105,7 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
 
     monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.vector_field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
-        ScaledModel(equations.field_constants(DISK), ball(30), arb(0))
+        ScaledField(equations.field_constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
     with pytest.raises(Unproved, match="less than 1"):
         ScaledCurve(one, -one, one, [arb(0)] * 3, one)
@@ -118,7 +118,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
         constants = equations.field_constants(DISK)
-        truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
+        truth = half_flight(EnclosedField(constants, omega), a, a * w, derivatives=True)
         curve = ScaledCurve(
             Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
         )

@@ -14,17 +14,17 @@ from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.precision import QUADRUPLE
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, FlowStatus
 from tippedisk_verify.proofs.kernel.step import StepTrial
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, field_for_disk
 from tippedisk_verify.proofs.search.steps import FlightStepSearch
 
 OMEGA = Fraction("30.3866")
 START = ("0", "1.69", "-1.71")
 
 
-def model() -> Model:
-    return model_for_disk(PRINTED, ball(OMEGA))
+def field() -> EnclosedField:
+    return field_for_disk(PRINTED, ball(OMEGA))
 
 
 def start() -> list:
@@ -45,7 +45,10 @@ def blow_up(ops, constants, omega):
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
         outcome = flow_for(
-            Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
+            EnclosedField(ball_constants(PRINTED), ball("2"), rotation),
+            [1, 0, 1],
+            "1.3",
+            derivatives=True,
         )
         assert outcome.status is None
         time = outcome.flight.time
@@ -76,14 +79,14 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
-        flight = Model(constants, ball(1), blow_up).flight([2, 1, 1], FlightStepSearch())
+        flight = EnclosedField(constants, ball(1), blow_up).flight([2, 1, 1], FlightStepSearch())
         trial = StepTrial(flight, (18, 16))
         assert [trial.tested_step(length).included for length in lengths] == shown
-        array_model = Model(
+        array_field = EnclosedField(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
         )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        trial = StepTrial(array_model.flight(start, FlightStepSearch()), (18, 16))
+        trial = StepTrial(array_field.flight(start, FlightStepSearch()), (18, 16))
         assert list(trial.tested_step(BallArray(lengths)).included) == shown
 
 
@@ -114,7 +117,7 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
     ordinary = taylor(request)
     with working_precision(80):
         outcome = flow_for(
-            model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
+            field_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
         )
     assert outcome.status is None
     assert outcome.upright
@@ -131,7 +134,7 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
     with working_precision(64):
-        flight = model().flight(start(), FlightStepSearch())
+        flight = field().flight(start(), FlightStepSearch())
         while flight.time < arb(0.1):
             step = flight.step()
             for share in (0, 0.3, 0.7, 1):
@@ -146,23 +149,23 @@ def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
-        assert flow_for(model(), wide, "0.5").status in (
+        assert flow_for(field(), wide, "0.5").status in (
             FlowStatus.TOO_WIDE,
             FlowStatus.NO_ENCLOSURE,
         )
         assert (
-            flow_for(model(), [part + arb(0, 1) for part in start()], "0.5").status
+            flow_for(field(), [part + arb(0, 1) for part in start()], "0.5").status
             is FlowStatus.TOO_WIDE
         )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
-            outcome = flow_for(model(), [0, strange, -1], "0.1")
+            outcome = flow_for(field(), [0, strange, -1], "0.1")
             assert outcome.status is FlowStatus.NO_ENCLOSURE
             assert outcome.flight.step_count == 0
         assert (
-            flow_for(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
+            flow_for(EnclosedField(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
             is FlowStatus.NO_ENCLOSURE
         )
     with working_precision(24):
-        short = flow_for(model(), start(), "0.5")
+        short = flow_for(field(), start(), "0.5")
         # Twenty-four bits hold seven digits.
         assert short.status is not None or max(part.rad() for part in short.state) > 1e-6

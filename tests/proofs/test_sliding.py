@@ -18,7 +18,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_pr
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import SlidingFlight, SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
+from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, field_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionProof,
     prove_connection,
@@ -47,7 +47,7 @@ def _bits() -> Iterator[None]:
 def flown(start=START, omega=OMEGA, **options) -> FlowOutcome:
     """The flow from a start over `SPAN`."""
     outcome = flow_for(
-        model_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
+        field_for_disk(SMOOTH, ball(omega)), [ball(part) for part in start], SPAN, **options
     )
     assert outcome.status is None
     return outcome
@@ -76,7 +76,7 @@ LATER = "0.08"  # s
 def test_reversals_are_counted_and_the_sign_between_them_is_known(
     start: Any, span: str, reversals: int
 ) -> None:
-    flight = model_for_disk(SMOOTH, ball(OMEGA)).flight(
+    flight = field_for_disk(SMOOTH, ball(OMEGA)).flight(
         [ball(part) for part in start], FlightStepSearch()
     )
     assert isinstance(flight, SlidingFlight)
@@ -92,25 +92,25 @@ def test_reversals_are_counted_and_the_sign_between_them_is_known(
 
 def test_a_box_that_holds_a_grazing_orbit_is_not_followed() -> None:
     start = [*map(ball, GRAZING[:2]), ball(GRAZING[2]) + arb(0, "0.001")]
-    outcome = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
+    outcome = flow_for(field_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
     assert outcome.status is FlowStatus.GRAZING
     assert outcome.flight.time < ball(LATER)
 
 
 def test_a_start_on_both_sides_is_not_followed() -> None:
     """On the section gamma_y = 0 where rho v = -e Omega sin(gamma_bar)."""
-    model = model_for_disk(SMOOTH, ball(OMEGA))
+    field = field_for_disk(SMOOTH, ball(OMEGA))
     gamma = ball("1.7")
-    constants = model.constants
+    constants = field.constants
     v = -constants.e * ball(OMEGA) * gamma.sin() / (constants.r + constants.e * gamma.cos())
     with pytest.raises(FlightStopped) as stopped:
-        half_flight(model, gamma, v)
+        half_flight(field, gamma, v)
     assert stopped.value.status is FlowStatus.GRAZING
 
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    flight = model_for_disk(SMOOTH, ball(OMEGA)).flight(start, FlightStepSearch(), derivatives=True)
+    flight = field_for_disk(SMOOTH, ball(OMEGA)).flight(start, FlightStepSearch(), derivatives=True)
     step = flight.step()
     while not isinstance(step, SlidingReversalStep):
         flight.take_step(step)
@@ -127,7 +127,7 @@ def test_a_moment_in_doubt_has_no_derivatives() -> None:
 def test_the_reference_cycle_returns_to_its_start() -> None:
     truth = {name: reference(f"{PLACE}/{name}").measured() for name in NUMBERS[:4]}
     start = truth["gamma_bar_0"], truth["v_0"]
-    image = half_flight(model_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
+    image = half_flight(field_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
     assert image.reversals == 3
     held = [*image.image, 2 * image.time, -image.beta_least]
     for mine, other in zip(held, (*start, truth["period"], truth["beta_max"]), strict=True):

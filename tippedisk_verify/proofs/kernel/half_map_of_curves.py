@@ -89,7 +89,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import nearby_double
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric_hull
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
 from tippedisk_verify.proofs.kernel.small_matrices import (
     Matrix,
     inverse_of_order_2,
@@ -134,7 +134,9 @@ class Curve:
     parameter_columns: ClassVar[tuple[int, ...]] = (
         2,
     )  #: the indices of the numbers in the equations
-    model_class: ClassVar[Any] = Model  #: called with the constants and `equation_parameters`
+    field_class: ClassVar[Any] = (
+        EnclosedField  #: called with the constants and `equation_parameters`
+    )
 
     @property
     def start(self) -> tuple[Jet, Jet]:
@@ -212,27 +214,25 @@ class CurveReplay:
         )
 
 
-class _CurveModel:
-    """The equations of motion at the speeds of a curve of starts, for each s and over all s at
-    once.
-    """
+class _CurveField:
+    """The vector field at the speeds of a curve of starts, for each s and over all s at once."""
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
-        self.midpoint_system = curve.model_class(
+        self.midpoint_system = curve.field_class(
             constants, *curve.equation_parameters
         ).system_at_speed(curve.omega)
-        short_model = curve.model_class(
+        short_field = curve.field_class(
             constants, *map(truncated_for_derivatives, curve.equation_parameters)
         )
         self.rates, self.variational_system_with_divergence = (
-            short_model.rates,
-            short_model.variational_system_with_divergence,
+            short_field.rates,
+            short_field.variational_system_with_divergence,
         )
-        self.remainder_model = curve.model_class(
+        self.remainder_field = curve.field_class(
             constants, *map(range_of, curve.equation_parameters)
         )
-        self.remainder_model.midpoint_system = self.remainder_model.system_at_speed(
-            self.remainder_model.omega
+        self.remainder_field.midpoint_system = self.remainder_field.system_at_speed(
+            self.remainder_field.omega
         )
 
 
@@ -244,17 +244,17 @@ class CurveFlight(EnclosedFlight):
 
     def __init__(self, constants: FieldConstants, curve: Curve, proposer: Any) -> None:
         zero = 0 * curve.v.mid()
-        zero_ball, short_model = zero.coefficients[0], truncated_for_derivatives(zero)
+        zero_ball, short_zero = zero.coefficients[0], truncated_for_derivatives(zero)
         states = Doubleton([zero, *curve.start], curve.omega)
         states.deviation, states.parameter_columns = [*curve.deviation], curve.parameter_columns
         states.linear_part = [
-            [short_model] * 3,
-            *([short_model + entry for entry in row] for row in curve.start_derivative),
+            [short_zero] * 3,
+            *([short_zero + entry for entry in row] for row in curve.start_derivative),
         ]
         states.axes = [[zero_ball + int(i == j) for j in range(3)] for i in range(3)]
         states.remainder = states.middle_remainder = [zero_ball] * 3
         states.remainder_derivatives = [[zero_ball] * 3 for _ in range(3)]
-        super().__init__(_CurveModel(constants, curve), states, proposer, derivatives=True)
+        super().__init__(_CurveField(constants, curve), states, proposer, derivatives=True)
         self.duration = curve.duration
 
     def _stopping_status(self) -> None:
@@ -350,7 +350,7 @@ def _enclosed_return(
         truncated_for_derivatives, states.image(step.midpoint_orbit_at(moment), rows)
     )
     require(positive(v.range()), "v is not shown to be positive at the return")
-    acceleration = flight.model.rates((0 * v, gamma_bar, v))[2]
+    acceleration = flight.field.rates((0 * v, gamma_bar, v))[2]
     by_start = states.derivatives_after_map(rows)
     time_by = [-entry / v for entry in by_start[0]]
     v_row = [-(entry + acceleration * t) for entry, t in zip(by_start[2], time_by, strict=True)]

@@ -32,7 +32,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     enclose_poincare_map,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, FlightStopped, StepProposer
-from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.sliding import field_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 from tippedisk_verify.proofs.kernel.vector_field import field_constants
@@ -110,11 +110,11 @@ def krawczyk_test(
     numbers, friction = field_constants(setting["parameters"]), setting["friction"]
     if centre is None:
         centre = enclose_poincare_map(
-            model_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
+            field_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
         )
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
     box = enclose_poincare_map(
-        model_for_friction(friction, numbers, whole[2]),
+        field_for_friction(friction, numbers, whole[2]),
         section,
         whole[:2],
         proposers[1],

@@ -37,9 +37,9 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
 from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedField,
     FlightStopped,
     FlowStatus,
-    Model,
     StepProposer,
 )
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
@@ -111,7 +111,7 @@ class PoincareImage:
 
 
 def enclose_poincare_map(
-    model: Model,
+    field: EnclosedField,
     section: PoincareSection,
     box: Sequence[Any],
     proposer: StepProposer,
@@ -123,7 +123,7 @@ def enclose_poincare_map(
     coordinates.
 
     Args:
-        model: The equations of motion.
+        field: The vector field of the motion.
         section: The section.
         box: Balls of its two coordinates.
         proposer: The source of the steps.
@@ -136,7 +136,7 @@ def enclose_poincare_map(
     Raises:
         FlightStopped: If the orbits are not shown to return.
     """
-    poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
+    poincare_map = PoincareMap(field, section, box, proposer, derivatives=derivatives)
     flight = poincare_map.flight
     if section == LIBRATING_SECTION and not negative(converted_like(flight.time, box[1])):
         raise FlightStopped(FlowStatus.NO_START, flight.time)
@@ -163,7 +163,7 @@ class PoincareMap:
 
     def __init__(
         self,
-        model: Model,
+        field: EnclosedField,
         section: PoincareSection,
         box: Sequence[Any],
         proposer: StepProposer,
@@ -171,7 +171,7 @@ class PoincareMap:
         derivatives: bool = False,
     ) -> None:
         self.section = section
-        self.flight = model.flight(section.state_on(*box), proposer, derivatives=derivatives)
+        self.flight = field.flight(section.state_on(*box), proposer, derivatives=derivatives)
         #: Least beta_bar and its derivatives (gamma_bar, v, Omega); None until the orbits have
         #: turned
         self.turn: tuple[Any, Any] = (None, None)
@@ -210,7 +210,7 @@ class PoincareMap:
 
         The case is None if none is shown.
         """
-        rates, (beta, _, v) = self.flight.model.rates(step.enclosure), step.enclosure
+        rates, (beta, _, v) = self.flight.field.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.states_at_end()
         has_one_law = not isinstance(step, SlidingReversalStep)
         not_flat = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
@@ -237,13 +237,13 @@ class PoincareMap:
 
         Returns False if the moment cannot be enclosed.
         """
-        model = self.flight.model
+        field = self.flight.field
         moment = enclosed_zero_time(
             step,
             step.time_span(),
             lambda time: step.component(2, time),
-            model.rates(step.enclosure)[2],
-            lambda time: model.rates(step.states_at(time))[2],
+            field.rates(step.enclosure)[2],
+            lambda time: field.rates(step.states_at(time))[2],
         )
         if moment is None:
             return False
@@ -259,13 +259,13 @@ class PoincareMap:
 
         Returns None if they cannot be enclosed.
         """
-        model, zero, level = (
-            self.flight.model,
+        field, zero, level = (
+            self.flight.field,
             self.section.zero_component,
             self.section.end_level(),
         )
         if self.section == ROTATING_SECTION:
-            speed = model.rates(step.enclosure)[zero]
+            speed = field.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]
             # v grows from its value at the start to that at the end.
@@ -275,7 +275,7 @@ class PoincareMap:
             step.time_span(),
             lambda time: step.component(zero, time) - level,
             speed,
-            lambda time: model.rates(step.states_at(time))[zero],
+            lambda time: field.rates(step.states_at(time))[zero],
         )
 
     def _enclosed_return(self) -> PoincareImage:
@@ -289,7 +289,7 @@ class PoincareMap:
             state = list(flight.box)
             if sign < 0:  # that is where the section lies
                 state[section.zero_component] = converted_like(state[2], 0)
-            rates, columns = flight.model.rates(state), (first, 2, 3)
+            rates, columns = flight.field.rates(state), (first, 2, 3)
             # On the section the time changes with the start, dt = -d(component) / its rate, and the
             # other components change with it.
             times = [

@@ -37,10 +37,10 @@ from tippedisk_verify.proofs.kernel.taylor_recurrences import (
 from tippedisk_verify.proofs.kernel.vector_field import VectorFieldMaker, vector_field
 
 __all__ = [
+    "EnclosedField",
     "EnclosedFlight",
     "FlightStopped",
     "FlowStatus",
-    "Model",
     "StepProposer",
 ]
 
@@ -113,11 +113,11 @@ class StepProposer(Protocol):
         """Record that the flight has taken the step, with these axes at its end."""
 
 
-class Model:
-    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step
-    needs.
+class EnclosedField:
+    """The vector field on balls (Eq. 3DOF, linear friction) at an enclosed speed, with the systems
+    of Taylor series that a step needs.
 
-    Every enclosure holds for all constants and speeds in their balls. A model serves any number of
+    Every enclosure holds for all constants and speeds in their balls. A field serves any number of
     flights.
 
     Args:
@@ -143,7 +143,7 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         numbers = [graph.number(part, active=True) for part in (self.omega, *extra_parameters)]
         rates = self._rates(graph, variables, numbers)
-        self.remainder_model: Any = self  #: the equations that enclose remainders
+        self.remainder_field: Any = self  #: the field that encloses remainders
         #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega and
         #: the further numbers (3 each); ``variational_system_with_divergence`` adds the
         #: divergence's integral
@@ -199,17 +199,17 @@ class EnclosedFlight:
 
     def __init__(
         self,
-        model: Any,
+        field: Any,
         start: Sequence[Any] | Doubleton,
         proposer: Any,
         *,
         derivatives: bool = False,
     ) -> None:
-        self.model, self.proposer, self.carries_derivatives = model, proposer, derivatives
+        self.field, self.proposer, self.carries_derivatives = field, proposer, derivatives
         self.state_set = (
             start
             if isinstance(start, Doubleton)
-            else Doubleton([ball(part) for part in start], model.omega)
+            else Doubleton([ball(part) for part in start], field.omega)
         )
         if len(self.state_set.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")

@@ -165,9 +165,9 @@ class StepTrial:
     """
 
     def __init__(self, flight: Any, orders: tuple[int, int]) -> None:
-        self.flight, self.orders, model = flight, orders, flight.model
+        self.flight, self.orders, field = flight, orders, flight.field
         self.state_set = flight.state_set  #: the flight's place
-        self.midpoint_series = model.midpoint_system.coefficients(
+        self.midpoint_series = field.midpoint_system.coefficients(
             flight.midpoint_start or flight.state_set.middle, orders[0]
         )
         box = [truncated_for_derivatives(part) for part in flight.box]
@@ -177,13 +177,13 @@ class StepTrial:
         if flight.carries_derivatives:
             start.append(zero)
         with working_precision(working_bits() if flight.carries_derivatives else _MEAN_VALUE_BITS):
-            self.box_series = self._system(model).coefficients(start, orders[1])
+            self.box_series = self._system(field).coefficients(start, orders[1])
 
-    def _system(self, model: Any) -> System:
+    def _system(self, field: Any) -> System:
         system: System = (
-            model.variational_system_with_divergence
+            field.variational_system_with_divergence
             if self.flight.carries_derivatives
-            else model.variational_system
+            else field.variational_system
         )
         return system
 
@@ -220,7 +220,7 @@ class StepTrial:
         which give the remainders: of the states to the full order, and of the states with their
         derivatives to the rough order. The last tells whether the step is proved.
         """
-        bound, (order, rough_order) = self.flight.model.remainder_model, self.orders
+        bound, (order, rough_order) = self.flight.field.remainder_field, self.orders
         time = converted_like(range_of(self.box_series[0][0]), range_of(length))
         span, power = _hull_with_zero(time), _hull_with_zero(time**rough_order)
         coefficients = [

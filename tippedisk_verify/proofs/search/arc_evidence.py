@@ -158,7 +158,7 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
 
     It computes with midpoints, without the deviations about the curve, and proves nothing.
     """
-    orbit = curve.model_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
+    orbit = curve.field_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
     total = curve.duration
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
     for _ in range(_MAX_STEPS):

@@ -36,7 +36,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
-from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
+from tippedisk_verify.proofs.numbers import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.search.proof import (
     Proof,
     SearchStopped,
@@ -315,7 +315,7 @@ class CycleAttempt:
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 try:
                     image = enclose_poincare_map(
-                        model_for_disk(self.parameters, ball(self.omega)),
+                        field_for_disk(self.parameters, ball(self.omega)),
                         self.section,
                         state,
                         FlightStepSearch(),

@@ -35,7 +35,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
-from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
+from tippedisk_verify.proofs.numbers import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.search.proof import (
     Proof,
     SearchStopped,
@@ -224,7 +224,7 @@ class _FoldAttempt:
         for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
             image = enclose_poincare_map(
-                model_for_disk(self.parameters, m[1]), self.section, start, search
+                field_for_disk(self.parameters, m[1]), self.section, start, search
             )
             steps = matrix_times_vector(
                 inverse, [after - before for after, before in zip(image.image, start, strict=True)]

@@ -116,7 +116,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     wedge_product,
 )
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 
 __all__ = ["SaddlePassage", "enclose_arrivals"]
@@ -498,7 +498,7 @@ def enclose_arrivals(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
         )
-        may_have_maximum = _may_have_maximum(flight.model, step)
+        may_have_maximum = _may_have_maximum(flight.field, step)
         if may_have_maximum.any():
             half = step.length / 2
             by = step.flight_derivatives_at(half + half.around_zero())[0][1:]
@@ -551,7 +551,7 @@ def _require_all(statement: str, *verified: NDArray[np.bool_]) -> None:
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {statement}")
 
 
-def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
+def _may_have_maximum(field: EnclosedField, step: Step) -> NDArray[np.bool_]:
     """Show that gamma grows and that v has at most one zero in the step of each flight.
 
     Returns a mask of the flights in which v may have a zero. Raises Unproved with the first flight
@@ -567,7 +567,7 @@ def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
     if may_have_maximum.any():
         _require_all(
             "v is not shown to pass zero once",
-            ~may_have_maximum | model.rates(step.enclosure)[2].negative(),
+            ~may_have_maximum | field.rates(step.enclosure)[2].negative(),
         )
     return may_have_maximum
 

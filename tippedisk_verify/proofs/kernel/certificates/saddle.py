@@ -87,8 +87,8 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
-from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, Model
-from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
+from tippedisk_verify.proofs.kernel.sliding import field_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.kernel.vector_field import (
@@ -250,7 +250,7 @@ class SaddleCoordinates:
 
     def vector_field_maker(self, side: int | None) -> Any:
         """Return the field F in the coordinates z, as the ``make_vector_field`` that
-        `proved_flow.Model` expects.
+        `proved_flow.EnclosedField` expects.
 
         ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
         itself.
@@ -285,10 +285,11 @@ class SaddleCoordinates:
         return FRICTION_LAWS[self.friction].two_sided
 
     @cached_property
-    def _models(self) -> dict[int | None, Model]:
+    def _fields(self) -> dict[int | None, EnclosedField]:
         sides = (1, -1) if self.two_sided else (None,)
         return {
-            side: Model(self.constants, self.omega, self.vector_field_maker(side)) for side in sides
+            side: EnclosedField(self.constants, self.omega, self.vector_field_maker(side))
+            for side in sides
         }
 
     def rates_and_derivatives(
@@ -304,8 +305,8 @@ class SaddleCoordinates:
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
         sets = [
-            [series[1] for series in model.variational_system.coefficients(start, 1)]
-            for own, model in self._models.items()
+            [series[1] for series in field.variational_system.coefficients(start, 1)]
+            for own, field in self._fields.items()
             if own is None or side in (None, own)
         ]
         derivatives = columnwise_hull(sets)
@@ -336,7 +337,7 @@ class SaddleCoordinates:
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        flight = model_for_friction(self.friction, self.constants, self.omega).flight(
+        flight = field_for_friction(self.friction, self.constants, self.omega).flight(
             start, proposer, derivatives=True
         )
         state_set = flight.state_set = Doubleton([x.mid() for x in start], self.omega)
