@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.families.folds import Fold
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
-    from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
+    from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc
     from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
     from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
     from tippedisk_verify.proofs.search.cycle_proof import CycleProof
@@ -340,7 +340,7 @@ class Certifier:
             InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
         from tippedisk_verify.cycles.branch_cycles import cycles_found
-        from tippedisk_verify.proofs.kernel.certificates.family import Piece
+        from tippedisk_verify.proofs.kernel.certificates.family import ProvedArc
         from tippedisk_verify.proofs.search.family_intervals import prove_family
 
         self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
@@ -350,9 +350,9 @@ class Certifier:
             int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress
         ) as advance:
 
-            def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
+            def watch(proved: ProvedArc | ArcStatus, interval: Interval) -> None:
                 nonlocal count
-                if isinstance(proved, Piece):
+                if isinstance(proved, ProvedArc):
                     count += 1
                     advance(
                         f"arcs: {count}",

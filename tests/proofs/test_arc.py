@@ -21,7 +21,7 @@ from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     UNKNOWN_INDICES,
-    Arc,
+    ArcTest,
     krawczyk_test_of_arc,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
@@ -186,7 +186,7 @@ def test_a_flight_ends_where_the_disk_lies_flat() -> None:
 
 
 # --------------------------------------------------------------------------------------- the cycles
-def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
+def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> ArcTest:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
     polynomials, half = family_polynomials(
@@ -249,5 +249,5 @@ def test_a_saddle_is_not_stable() -> None:
     half_map = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):
         curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
-        arc = Arc(True, curve, half_map, (), slopes, Jet([arb(determinant)]))
+        arc = ArcTest(True, curve, half_map, (), slopes, Jet([arb(determinant)]))
         assert arc.stable() is stable

@@ -101,7 +101,7 @@ from tippedisk_verify.proofs.kernel.vector_field import FieldConstants
 __all__ = [
     "SERIES_ORDERS",
     "UNKNOWN_INDICES",
-    "Arc",
+    "ArcTest",
     "Curve",
     "CurveFlight",
     "CurveReplay",
@@ -366,7 +366,7 @@ def _enclosed_return(
 
 
 @dataclass(frozen=True)
-class Arc:
+class ArcTest:
     """The result of Krawczyk's test of a curve of approximate limit cycles with the parameter s.
 
     If ``included``, there is exactly one cycle in the box for each s.
@@ -431,7 +431,7 @@ class Arc:
         return bool(self.half_map.turning_steps)
 
 
-def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any) -> Arc:
+def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any) -> ArcTest:
     """Test by Krawczyk's operator if one limit cycle lies in the box about each point of a curve.
 
     The curve consists of starts and speeds with a parameter s; all s are tested at once.
@@ -473,4 +473,4 @@ def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any)
         -(row[0] * jacobian[0][0] + row[1] * jacobian[1][0])
         for row in inverse_of_order_2(by_unknowns)
     ]
-    return Arc(included, curve, half_map, shift, slopes, a * d - b * c)
+    return ArcTest(included, curve, half_map, shift, slopes, a * d - b * c)

@@ -19,7 +19,7 @@ from tippedisk_verify.numbers.decimals import exact_text, round_up
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
-    Piece,
+    ProvedArc,
     exact_magnitude_bound,
     first_unproved_sign,
     krawczyk_test_of_box,
@@ -27,7 +27,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     SERIES_ORDERS,
     UNKNOWN_INDICES,
-    Arc,
+    ArcTest,
     Curve,
     CurveFlight,
 )
@@ -44,11 +44,11 @@ __all__ = [
     "BITS",
     "CurveStepSearch",
     "CycleGuess",
+    "arc_entry",
     "family_coefficients",
     "family_polynomials",
     "krawczyk_test_with_adapted_boxes",
-    "piece_entry",
-    "prove_piece",
+    "prove_arc",
     "rounded_up_to_two_digits",
 ]
 
@@ -59,12 +59,14 @@ _BOX_SHARES = Fraction(1, 300), Fraction(1, 100)
 _MIN_RADIUS = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MAX_ATTEMPTS = 3
 # Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
-# (for a scaled piece, times the distance of a^2 from 1).
+# (for a scaled arc, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
 CycleGuess = tuple[Fraction, Fraction, Fraction]
-Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and a proposer
+Test = Callable[
+    [Sequence[Fraction], Any], ArcTest
+]  #: a test of a box with these radii and a proposer
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
 _MAX_STEPS, _MAX_TRIALS = 2000, 15
@@ -301,7 +303,7 @@ class PassedArcTest(NamedTuple):
     recorded steps.
     """
 
-    arc: Arc
+    result: ArcTest
     radii: list[Fraction]
     within: list[Fraction]  #: distances of the true values from the polynomials, at most
     evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
@@ -322,19 +324,19 @@ def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> P
         proposer = CurveStepSearch()
         sizes = [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
         try:
-            arc = test(sizes, proposer)
+            result = test(sizes, proposer)
         except Unproved:
             raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
-        if not all(off.is_finite() for off in arc.shift):
+        if not all(off.is_finite() for off in result.shift):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
             rounded_up_to_two_digits(
                 max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30))
             )
-            for off in arc.shift
+            for off in result.shift
         ]
-        if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))
+        if result.included and all(a < b for a, b in zip(within, sizes, strict=True)):
+            return PassedArcTest(result, sizes, within, _box_evidence(sizes, proposer))
         raise SearchStopped(ArcStatus.NOT_INCLUDED, next_choice=[2 * part for part in within])
 
     return first_success(attempt, radii, _MAX_ATTEMPTS)
@@ -344,10 +346,10 @@ def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[
     return {"radii": [*map(exact_text, radii)], "steps": proposer.log}
 
 
-def prove_piece(
+def prove_arc(
     parameters: Parameters, low: Fraction, high: Fraction, guess: CycleGuess
-) -> Piece | ArcStatus:
-    """Prove a piece of the family of limit cycles, between two amplitudes [rad]. Return the piece,
+) -> ProvedArc | ArcStatus:
+    """Prove an arc of the family of limit cycles, between two amplitudes [rad]. Return the arc,
     or the reason why it is not proved.
 
     States are scaled by the amplitude if ``low`` is 0. ``guess`` is a cycle at the middle of a or,
@@ -369,12 +371,12 @@ def prove_piece(
                 "half": [*map(exact_text, half_period)],
             }
 
-            def test(radii: Sequence[Fraction], proposer: Any) -> Arc:
+            def test(radii: Sequence[Fraction], proposer: Any) -> ArcTest:
                 return krawczyk_test_of_box(disk, low, arc, radii, proposer)
 
             def attempt(radii: Sequence[Fraction]) -> PassedArcTest:
                 box = krawczyk_test_with_adapted_boxes(test, radii)
-                if (refusal := first_unproved_sign(box.arc)) is None:
+                if (refusal := first_unproved_sign(box.result)) is None:
                     return box
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 tighter = [part * 5 / 4 for part in box.within]
@@ -403,7 +405,7 @@ def prove_piece(
                 if min(map(sub, wide, box.radii)) > 0 and test(wide, proposer).included:
                     unique, evidence["wide box"] = wide, _box_evidence(wide, proposer)
                     break
-        return Piece(
+        return ProvedArc(
             low,
             high,
             (first, second),
@@ -413,19 +415,19 @@ def prove_piece(
         )
 
 
-def piece_entry(piece: Piece) -> dict[str, object]:
-    """Return a proved piece of the family as a dictionary for output, with all numbers as exact
+def arc_entry(arc: ProvedArc) -> dict[str, object]:
+    """Return a proved arc of the family as a dictionary for output, with all numbers as exact
     texts.
 
     The evidence is left out.
     """
     return {
-        "low": exact_text(piece.low),
-        "high": exact_text(piece.high),
-        "scaled": piece.scaled,
-        "curve": [[exact_text(part) for part in row] for row in piece.curve],
-        "unique_within": [exact_text(part) for part in piece.unique_within],
-        "within": [exact_text(part) for part in piece.within],
+        "low": exact_text(arc.low),
+        "high": exact_text(arc.high),
+        "scaled": arc.scaled,
+        "curve": [[exact_text(part) for part in row] for row in arc.curve],
+        "unique_within": [exact_text(part) for part in arc.unique_within],
+        "within": [exact_text(part) for part in arc.within],
     }
 
 

@@ -23,9 +23,9 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, working_precision
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc, are_joined
 from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
-from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_piece
+from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_arc
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
     prove_connection_cycles,
@@ -37,14 +37,14 @@ __all__ = [
     "HOPF_END",
     "ApproximateCycle",
     "Interval",
-    "connected_pieces",
+    "connected_arcs",
     "guess_at",
     "hopf_guess",
     "prove_family",
     "prove_intervals",
 ]
 
-HOPF_END = Fraction(4, 5)  #: rad: the largest end of the piece at the Hopf point
+HOPF_END = Fraction(4, 5)  #: rad: the largest end of the arc at the Hopf point
 _MAX_INTERVAL_LENGTH, _INTERVAL_SHARE = (
     Fraction(3, 10),
     Fraction(1, 7),
@@ -52,13 +52,13 @@ _MAX_INTERVAL_LENGTH, _INTERVAL_SHARE = (
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
 _FINAL_FAILURES = (ArcStatus.SPEED_GROWS, ArcStatus.UNSTABLE)
-_DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
+_DEFAULT_END = Fraction("3.06")  # rad: beyond it arcs become short
 _REACHES = (
     "0.008",
     "0.004",
     "0.002",
 )  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
-_OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
+_OVERLAP = Fraction(3, 4)  # of that reach, for the arcs' end
 # Known cycles; ratio of successive distances from Omega_h for the last ones
 _SPEED_COUNT, _DISTANCE_RATIO = 60, Fraction(4, 5)
 _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
@@ -66,8 +66,8 @@ _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
 ApproximateCycle = tuple[Fraction, Fraction, Fraction, Fraction]
-IntervalResult = tuple[Piece | ArcStatus, "Interval"]
-IntervalCallback = Callable[[Piece | ArcStatus, "Interval"], None]
+IntervalResult = tuple[ProvedArc | ArcStatus, "Interval"]
+IntervalCallback = Callable[[ProvedArc | ArcStatus, "Interval"], None]
 #: A maker of a pool of processes, for several intervals
 ExecutorFactory = Callable[[bool], AbstractContextManager[Executor | None]]
 
@@ -92,24 +92,24 @@ def prove_family(
         until: The amplitude at which to end [rad].
         pool: Called with True if there are several intervals; returns the executor's context.
         on_stage: Called with the name of each stage.
-        on_interval: Called with each interval that is proved or given up, and the piece or the
+        on_interval: Called with each interval that is proved or given up, and the arc or the
             reason.
     """
-    pieces: list[Piece] = []
+    arcs: list[ProvedArc] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ConnectionProof | None = None
     near: ConnectionCyclesProof | None = None
 
-    def keep_piece(result: Piece | ArcStatus, interval: Interval) -> None:
-        if isinstance(result, Piece):
-            pieces.append(result)
+    def keep_arc(result: ProvedArc | ArcStatus, interval: Interval) -> None:
+        if isinstance(result, ProvedArc):
+            arcs.append(result)
         on_interval(result, interval)
 
-    # Without the piece at the Hopf point the others are of no use.
+    # Without the arc at the Hopf point the others are of no use.
     on_stage("the Hopf point")
     at_hopf = Interval(Fraction(0), min(wanted, HOPF_END))
-    stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_piece)
-    if connected_pieces(pieces):
+    stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_arc)
+    if connected_arcs(arcs):
         on_stage("the connection")
         speeds: list[Fraction] | None = None
         if (near_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
@@ -122,13 +122,11 @@ def prove_family(
             on_stage("the cycles next to the connection")
             near = _prove_cycles_next_to(connection)
             wanted = _amplitude_near_connection(near, approximate_cycles) or wanted
-        if stopped is None and (left := [*_subintervals(pieces[0].high, wanted)]):
+        if stopped is None and (left := [*_subintervals(arcs[0].high, wanted)]):
             on_stage("arcs")
             with pool(len(left) > 1) as executor:
-                stopped = prove_intervals(
-                    parameters, left, approximate_cycles, executor, keep_piece
-                )
-    one_curve = connected_pieces(pieces)
+                stopped = prove_intervals(parameters, left, approximate_cycles, executor, keep_arc)
+    one_curve = connected_arcs(arcs)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
     return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
@@ -152,7 +150,7 @@ def _prove_cycles_next_to(connection: ConnectionProof) -> ConnectionCyclesProof 
 def _amplitude_near_connection(
     near: ConnectionCyclesProof | None, approximate_cycles: Sequence[ApproximateCycle]
 ) -> Fraction | None:
-    """Return an amplitude at which the family's pieces run into the proved cycles next to the
+    """Return an amplitude at which the family's arcs run into the proved cycles next to the
     connection.
 
     Returns None if those cycles are not proved. ``approximate_cycles`` are approximate cycles of
@@ -215,15 +213,15 @@ def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
         low = until
 
 
-def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
-    """Return those of the proved pieces that form one curve from the Hopf point on, in order."""
-    curve: list[Piece] = []
-    for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
+def connected_arcs(arcs: Iterable[ProvedArc]) -> list[ProvedArc]:
+    """Return those of the proved arcs that form one curve from the Hopf point on, in order."""
+    curve: list[ProvedArc] = []
+    for arc in sorted(arcs, key=lambda arc: (arc.low, arc.high)):
         if not curve:
-            if piece.scaled:
-                curve.append(piece)
-        elif piece.low == curve[-1].high and are_joined(curve[-1], piece, piece.low):
-            curve.append(piece)
+            if arc.scaled:
+                curve.append(arc)
+        elif arc.low == curve[-1].high and are_joined(curve[-1], arc, arc.low):
+            curve.append(arc)
     return curve
 
 
@@ -267,7 +265,7 @@ def prove_intervals(
     Returns None if all are proved, otherwise the reason why the lowest failed one was given up.
 
     ``approximate_cycles`` are approximate cycles, from which guesses are made. ``on_interval`` is
-    called with each interval that is proved or given up, and the piece or the reason.
+    called with each interval that is proved or given up, and the arc or the reason.
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, approximate_cycles, executor, intervals)
@@ -285,7 +283,7 @@ def prove_intervals(
 class _Jobs:
     """An iterator over intervals of amplitudes and the results of proving them.
 
-    It yields pairs: the proved piece or the reason for the failure, and the interval. The intervals
+    It yields pairs: the proved arc or the reason for the failure, and the interval. The intervals
     are tried here in order, the lowest first, or all at once in other processes.
     """
 
@@ -302,14 +300,14 @@ class _Jobs:
             executor,
         )
         self.waiting: list[Interval] = []
-        self.running: dict[Future[Piece | ArcStatus], Interval] = {}
+        self.running: dict[Future[ProvedArc | ArcStatus], Interval] = {}
         self.add(intervals)
 
     def add(self, intervals: Iterable[Interval]) -> None:
         self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
         if self.executor is not None:
             for interval in self.waiting:
-                self.running[self.executor.submit(prove_piece, *self._job(interval))] = interval
+                self.running[self.executor.submit(prove_arc, *self._job(interval))] = interval
             self.waiting = []
 
     def cancel_from(self, low: Fraction) -> None:
@@ -326,14 +324,14 @@ class _Jobs:
         while self.waiting or self.running:
             if self.waiting:
                 interval = self.waiting.pop(0)
-                yield prove_piece(*self._job(interval)), interval
+                yield prove_arc(*self._job(interval)), interval
             else:
                 for future in wait(self.running, return_when=FIRST_COMPLETED).done:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
     def _job(self, interval: Interval) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
-        """Return the arguments of `prove_piece` for an interval."""
+        """Return the arguments of `prove_arc` for an interval."""
         low, high = interval.low, interval.high
         if not low:
             return self.parameters, low, high, hopf_guess(self.parameters)
