@@ -27,8 +27,8 @@ if TYPE_CHECKING:
     from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
     from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
     from tippedisk_verify.proofs.search.cycle_proof import CycleProof
-    from tippedisk_verify.proofs.search.family_intervals import Interval
     from tippedisk_verify.proofs.search.family_proof import FamilyProof
+    from tippedisk_verify.proofs.search.family_search import AmplitudeInterval
     from tippedisk_verify.proofs.search.fold_proof import FoldProof
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
@@ -341,7 +341,7 @@ class Certifier:
         """
         from tippedisk_verify.cycles.branch_cycles import cycles_found
         from tippedisk_verify.proofs.kernel.certificates.family import ProvedArc
-        from tippedisk_verify.proofs.search.family_intervals import prove_family
+        from tippedisk_verify.proofs.search.family_search import prove_family
 
         self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
@@ -350,7 +350,7 @@ class Certifier:
             int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress
         ) as advance:
 
-            def watch(proved: ProvedArc | ArcStatus, interval: Interval) -> None:
+            def watch(proved: ProvedArc | ArcStatus, interval: AmplitudeInterval) -> None:
                 nonlocal count
                 if isinstance(proved, ProvedArc):
                     count += 1

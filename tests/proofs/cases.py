@@ -27,7 +27,7 @@ from tippedisk_verify.proofs.kernel.proved_flow import (
 )
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, rounded_down_to_20_bits
 
 MIN_STEP = 2.0**-40  # s
 NUMBERS = (

@@ -17,6 +17,7 @@ from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.precision import Precision
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
@@ -26,7 +27,6 @@ from tippedisk_verify.proofs.kernel.half_map_of_curves import (
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.search.arc_evidence import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle_proof import CycleProof, prove_cycle
 

@@ -29,11 +29,11 @@ import pytest
 
 from tests.proofs.ball_array_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
+from tippedisk_verify.proofs.ball_conversions import ball_constants
 from tippedisk_verify.proofs.kernel import ball_array, doubles
 from tippedisk_verify.proofs.kernel.ball_array import BallArray, BallArraySeries
 from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
-from tippedisk_verify.proofs.numbers import ball_constants
 
 ORDER = 20
 COUNT = 1500  # cases of an attack: enough for each planted fault

@@ -16,6 +16,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.proofs.angles import rates
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.proofs.kernel.balls import (
     DisturbedError,
@@ -30,7 +31,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.vector_field import vector_field
-from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
 NOT_NUMBERS = (

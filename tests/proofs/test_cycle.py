@@ -23,10 +23,14 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, FlightStopped, FlowStatus
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, field_for_disk
 from tippedisk_verify.proofs.search.cycle_proof import (
     ROTATING_SECTION,
     CycleProof,

@@ -11,6 +11,7 @@ import pytest
 
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.ball_conversions import field_for_disk
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
@@ -19,8 +20,7 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, FlightStopped
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
-from tippedisk_verify.proofs.numbers import field_for_disk
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, rounded_down_to_20_bits
 
 OMEGA, START = "30.4", (1.7, -1.72)
 

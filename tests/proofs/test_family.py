@@ -33,7 +33,7 @@ from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledField
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.search import arc_evidence
-from tippedisk_verify.proofs.search import family_intervals as search
+from tippedisk_verify.proofs.search import family_search as search
 from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_arc
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
@@ -41,7 +41,7 @@ from tippedisk_verify.proofs.search.connection_cycles_proof import (
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 from tippedisk_verify.reference_values.lookup import reference
 
 DISK = parameter_texts(PRINTED)

@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     verify_arc,
 )
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 
 
 # ------------------------------------------------------------------------------------------- gluing

@@ -12,12 +12,16 @@ from tests.proofs.cases import flow_for
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.numbers.precision import QUADRUPLE
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, FlowStatus
 from tippedisk_verify.proofs.kernel.step import StepTrial
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, field_for_disk
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 OMEGA = Fraction("30.3866")
 START = ("0", "1.69", "-1.71")

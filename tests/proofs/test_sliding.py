@@ -13,18 +13,22 @@ import pytest
 
 from tests.proofs.cases import NUMBERS, FlowOutcome, flow_for, half_flight
 from tippedisk_verify.model.parameters import PRINTED, Parameters
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import SlidingFlight, SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, field_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionProof,
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 from tippedisk_verify.reference_values.lookup import reference
 
 SMOOTH = PRINTED.with_friction("smooth")

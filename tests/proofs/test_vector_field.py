@@ -13,6 +13,7 @@ import pytest
 
 from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel import jets
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
@@ -31,7 +32,6 @@ from tippedisk_verify.proofs.kernel.vector_field import (
     sliding_motion,
 )
 from tippedisk_verify.proofs.kernel.vector_field import vector_field as kernel_field
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 LAWS = (
     ("linear", "linear", None),

@@ -46,6 +46,7 @@ from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel.balls import (
     ball,
     coefficient,
@@ -55,7 +56,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
     working_precision,
 )
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 __all__ = [
     "Criticality",

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.decimals import exact_text, round_up
+from tippedisk_verify.proofs.ball_conversions import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
@@ -36,9 +37,12 @@ from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_order_2
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, evaluate_polynomial
 from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, field_constants
-from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
-from tippedisk_verify.proofs.search.proof import SearchStopped, first_success, parameter_texts
-from tippedisk_verify.proofs.search.steps import axes_of_balls
+from tippedisk_verify.proofs.search.proof_search import (
+    SearchStopped,
+    first_success,
+    parameter_texts,
+)
+from tippedisk_verify.proofs.search.step_search import axes_of_balls
 
 __all__ = [
     "BITS",

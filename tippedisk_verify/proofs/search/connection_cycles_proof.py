@@ -26,6 +26,7 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import exact, short_text
 from tippedisk_verify.numbers.precision import DOUBLE
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import EnclosedConnection
@@ -38,9 +39,8 @@ from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
 from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
-from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, eigenvectors
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,
     Proof,
     SearchStopped,

@@ -26,6 +26,7 @@ from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, rou
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import NONINVERTED
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured, widened
 from tippedisk_verify.proofs.closed_forms import (
     characteristic_polynomial,
     exact_polynomial,
@@ -52,8 +53,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_unstable_cone,
 )
 from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,
     Proof,
     SearchStopped,
@@ -61,7 +61,7 @@ from tippedisk_verify.proofs.search.proof import (
     first_success,
     parameter_texts,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 __all__ = [
     "MAX_DIGITS",

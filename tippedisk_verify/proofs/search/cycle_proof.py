@@ -23,6 +23,7 @@ from tippedisk_verify.numbers.decimals import round_down
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import bits_for_digits
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
@@ -36,14 +37,13 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
-from tippedisk_verify.proofs.numbers import ball_to_measured, field_for_disk, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     Proof,
     SearchStopped,
     certificate_claim,
     first_success,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
 

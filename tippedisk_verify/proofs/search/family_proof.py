@@ -29,7 +29,7 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 from tippedisk_verify.proofs.search.arc_evidence import arc_entry
 from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
-from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
+from tippedisk_verify.proofs.search.proof_search import Proof, certificate_claim, parameter_texts
 
 __all__ = ["FamilyProof"]
 

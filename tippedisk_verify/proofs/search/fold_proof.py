@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
@@ -35,14 +36,13 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
-from tippedisk_verify.proofs.numbers import ball_to_measured, field_for_disk, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     Proof,
     SearchStopped,
     certificate_claim,
     first_success,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
 

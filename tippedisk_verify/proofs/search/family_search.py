@@ -1,4 +1,4 @@
-"""The proof of the family of limit cycles: the intervals that are tried, and their order.
+"""The search for the proof of the family of limit cycles: the intervals tried, and their order.
 
 An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
 part of it. At the Hopf point only the lower half is tried; the rest belongs to the intervals after
@@ -21,10 +21,10 @@ import numpy as np
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc, are_joined
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_arc
 from tippedisk_verify.proofs.search.connection_cycles_proof import (
     ConnectionCyclesProof,
@@ -35,8 +35,8 @@ from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
     "HOPF_END",
+    "AmplitudeInterval",
     "ApproximateCycle",
-    "Interval",
     "connected_arcs",
     "guess_at",
     "hopf_guess",
@@ -66,8 +66,8 @@ _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
 ApproximateCycle = tuple[Fraction, Fraction, Fraction, Fraction]
-IntervalResult = tuple[ProvedArc | ArcStatus, "Interval"]
-IntervalCallback = Callable[[ProvedArc | ArcStatus, "Interval"], None]
+IntervalResult = tuple[ProvedArc | ArcStatus, "AmplitudeInterval"]
+IntervalCallback = Callable[[ProvedArc | ArcStatus, "AmplitudeInterval"], None]
 #: A maker of a pool of processes, for several intervals
 ExecutorFactory = Callable[[bool], AbstractContextManager[Executor | None]]
 
@@ -100,14 +100,14 @@ def prove_family(
     connection: ConnectionProof | None = None
     near: ConnectionCyclesProof | None = None
 
-    def keep_arc(result: ProvedArc | ArcStatus, interval: Interval) -> None:
+    def keep_arc(result: ProvedArc | ArcStatus, interval: AmplitudeInterval) -> None:
         if isinstance(result, ProvedArc):
             arcs.append(result)
         on_interval(result, interval)
 
     # Without the arc at the Hopf point the others are of no use.
     on_stage("the Hopf point")
-    at_hopf = Interval(Fraction(0), min(wanted, HOPF_END))
+    at_hopf = AmplitudeInterval(Fraction(0), min(wanted, HOPF_END))
     stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_arc)
     if connected_arcs(arcs):
         on_stage("the connection")
@@ -180,7 +180,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 
 @dataclass(frozen=True)
-class Interval:
+class AmplitudeInterval:
     """An interval of amplitudes [rad] for which the family is to be proved. If ``low`` is 0, the
     proof scales states by their amplitude.
     """
@@ -189,17 +189,17 @@ class Interval:
     high: Fraction
     halvings: int = 0
 
-    def halves(self) -> tuple[Interval, ...]:
+    def halves(self) -> tuple[AmplitudeInterval, ...]:
         """Return the two halves of the interval.
 
         If ``low`` is 0, only the lower half is returned, because the other one needs known cycles.
         """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
-        lower = Interval(self.low, middle, count)
-        return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
+        lower = AmplitudeInterval(self.low, middle, count)
+        return (lower, AmplitudeInterval(middle, self.high, count)) if self.low else (lower,)
 
 
-def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
+def _subintervals(low: Fraction, high: Fraction) -> Iterator[AmplitudeInterval]:
     """Yield the intervals, from ``low`` to ``high`` [rad], on which the family is to be proved."""
     while low < high:
         length = min(
@@ -209,7 +209,7 @@ def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
         until = round(low + length, 4)
         if until + length / 3 > high:
             until = high
-        yield Interval(low, until)
+        yield AmplitudeInterval(low, until)
         low = until
 
 
@@ -255,7 +255,7 @@ def guess_at(approximate_cycles: Sequence[ApproximateCycle], amplitude: Fraction
 
 def prove_intervals(
     parameters: Parameters,
-    intervals: Sequence[Interval],
+    intervals: Sequence[AmplitudeInterval],
     approximate_cycles: Sequence[ApproximateCycle],
     executor: Executor | None = None,
     on_interval: IntervalCallback = lambda result, interval: None,
@@ -292,18 +292,18 @@ class _Jobs:
         parameters: Parameters,
         approximate_cycles: Sequence[ApproximateCycle],
         executor: Executor | None,
-        intervals: Iterable[Interval],
+        intervals: Iterable[AmplitudeInterval],
     ) -> None:
         self.parameters, self.approximate_cycles, self.executor = (
             parameters,
             approximate_cycles,
             executor,
         )
-        self.waiting: list[Interval] = []
-        self.running: dict[Future[ProvedArc | ArcStatus], Interval] = {}
+        self.waiting: list[AmplitudeInterval] = []
+        self.running: dict[Future[ProvedArc | ArcStatus], AmplitudeInterval] = {}
         self.add(intervals)
 
-    def add(self, intervals: Iterable[Interval]) -> None:
+    def add(self, intervals: Iterable[AmplitudeInterval]) -> None:
         self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
         if self.executor is not None:
             for interval in self.waiting:
@@ -330,7 +330,9 @@ class _Jobs:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
-    def _job(self, interval: Interval) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
+    def _job(
+        self, interval: AmplitudeInterval
+    ) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
         """Return the arguments of `prove_arc` for an interval."""
         low, high = interval.low, interval.high
         if not low:
