@@ -24,9 +24,9 @@ if TYPE_CHECKING:
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
     from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc
-    from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
     from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
     from tippedisk_verify.proofs.search.cycle_proof import CycleProof
+    from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import CyclesNearOmegaHProof
     from tippedisk_verify.proofs.search.family_proof import FamilyProof
     from tippedisk_verify.proofs.search.family_search import AmplitudeInterval
     from tippedisk_verify.proofs.search.fold_proof import FoldProof
@@ -284,7 +284,7 @@ class Certifier:
         *,
         digits: int = 12,
         progress: bool | None = None,
-    ) -> ConnectionCyclesProof:
+    ) -> CyclesNearOmegaHProof:
         """Prove the limit cycle of every speed up to a distance above Omega_h.
 
         `heteroclinic` proves Omega_h first.
@@ -299,9 +299,9 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
-        from tippedisk_verify.proofs.search.connection_cycles_proof import (
+        from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
             checked_distance,
-            prove_connection_cycles,
+            prove_cycles_near_omega_h,
         )
 
         checked_distance(distance)
@@ -313,7 +313,7 @@ class Certifier:
                 shares.append(int(100 * share))
                 advance("limit cycles", shares[-1] - shares[-2])
 
-            return prove_connection_cycles(connection, distance, on_progress=watch)
+            return prove_cycles_near_omega_h(connection, distance, on_progress=watch)
 
     def branch(
         self,

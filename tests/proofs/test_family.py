@@ -35,11 +35,11 @@ from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.search import arc_evidence
 from tippedisk_verify.proofs.search import family_search as search
 from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_arc
-from tippedisk_verify.proofs.search.connection_cycles_proof import (
-    ConnectionCyclesProof,
-    ConnectionCyclesStatus,
-)
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
+    CyclesNearOmegaHProof,
+    CyclesNearOmegaHStatus,
+)
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 from tippedisk_verify.proofs.search.proof_search import parameter_texts
 from tippedisk_verify.reference_values.lookup import reference
@@ -234,14 +234,14 @@ def _end(
     low: str,
     high: str,
     gamma: str,
-    status: ConnectionCyclesStatus = ConnectionCyclesStatus.PROVED,
-) -> ConnectionCyclesProof:
+    status: CyclesNearOmegaHStatus = CyclesNearOmegaHStatus.PROVED,
+) -> CyclesNearOmegaHProof:
     """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar
     from pi - ``gamma`` on.
     """
     omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
     connection = replace(proved_connection(), omega_h=omega_h, parameters=parameters)
-    return ConnectionCyclesProof(
+    return CyclesNearOmegaHProof(
         status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1)
     )
 
@@ -273,7 +273,7 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
         _end(PRINTED, "30.8850", "30.89", "3.05"),  # the arc's speed is below Omega_h
         _end(PRINTED, "30", "30.8850", "3.03"),  # the arc does not reach Q
         _end(CALIBRATED, "30", "30.8850", "3.05"),
-        _end(PRINTED, "30", "30.8850", "3.05", ConnectionCyclesStatus.INEQUALITY),
+        _end(PRINTED, "30", "30.8850", "3.05", CyclesNearOmegaHStatus.INEQUALITY),
     ):
         open_proof = replace(proof, near_omega_h=end)
         assert not open_proof.heteroclinic_closed

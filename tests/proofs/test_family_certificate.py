@@ -18,7 +18,7 @@ from tests.proofs.test_family import DISK, SUBCRITICAL, first, quick, second  # 
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h
 from tippedisk_verify.proofs.kernel.certificates import family as module
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcJob,
@@ -172,7 +172,7 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(
         asked.append((claim["numbers"]["omega_h"], claim["high"], evidence))
         return SimpleNamespace(contains_cycle=lambda *cycle: asked.append(cycle) or contains_cycle)
 
-    monkeypatch.setattr(connection_cycles, "verify", verified_end)
+    monkeypatch.setattr(cycles_near_omega_h, "verify", verified_end)
     claim, entries, within = arcs_without_flights()
     number = {"value": "30.05", "uncertainty": "0.001"}
     claim |= {

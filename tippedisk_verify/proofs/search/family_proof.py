@@ -18,7 +18,7 @@ from tippedisk_verify.numbers.decimals import exact_text, round_down
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.closed_forms import check_linearization, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h, sentence
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
     ProvedArc,
@@ -27,8 +27,8 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
     unique_within,
 )
 from tippedisk_verify.proofs.search.arc_evidence import arc_entry
-from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import CyclesNearOmegaHProof
 from tippedisk_verify.proofs.search.proof_search import Proof, certificate_claim, parameter_texts
 
 __all__ = ["FamilyProof"]
@@ -52,7 +52,7 @@ class FamilyProof(Proof):
     #: The reason why the arc after the last one is not proved, if one was tried
     stop_reason: ArcStatus | None = None
     connection: ConnectionProof | None = None  #: Omega_h, if it is known
-    near_omega_h: ConnectionCyclesProof | None = (
+    near_omega_h: CyclesNearOmegaHProof | None = (
         None  #: the cycles next to the connection, if they are proved
     )
 
@@ -142,7 +142,7 @@ class FamilyProof(Proof):
         )
         if self.near_omega_h is not None and self.heteroclinic_closed:
             claim["numbers"] |= (end := self.near_omega_h.claim)["numbers"]
-            claim |= {name: end[name] for name in connection_cycles.CLAIM_SHAPE} | {
+            claim |= {name: end[name] for name in cycles_near_omega_h.CLAIM_SHAPE} | {
                 "kind": "whole family of limit cycles"
             }
         return claim

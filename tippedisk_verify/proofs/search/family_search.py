@@ -26,11 +26,11 @@ from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc, are_joined
 from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_arc
-from tippedisk_verify.proofs.search.connection_cycles_proof import (
-    ConnectionCyclesProof,
-    prove_connection_cycles,
-)
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
+    CyclesNearOmegaHProof,
+    prove_cycles_near_omega_h,
+)
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
@@ -98,7 +98,7 @@ def prove_family(
     arcs: list[ProvedArc] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ConnectionProof | None = None
-    near: ConnectionCyclesProof | None = None
+    near_omega_h: CyclesNearOmegaHProof | None = None
 
     def keep_arc(result: ProvedArc | ArcStatus, interval: AmplitudeInterval) -> None:
         if isinstance(result, ProvedArc):
@@ -112,16 +112,16 @@ def prove_family(
     if connected_arcs(arcs):
         on_stage("the connection")
         speeds: list[Fraction] | None = None
-        if (near_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
+        if (approximate_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
             with suppress(AccuracyError):
-                connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
+                connection = prove_connection(parameters, approximate_omega_h, _CONNECTION_DIGITS)
         if connection is not None and connection.omega_h is not None:
             speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
         approximate_cycles = cycles_at(speeds)
         if until is None and connection is not None:
             on_stage("the cycles next to the connection")
-            near = _prove_cycles_next_to(connection)
-            wanted = _amplitude_near_connection(near, approximate_cycles) or wanted
+            near_omega_h = _prove_cycles_near_omega_h(connection)
+            wanted = _amplitude_near_omega_h(near_omega_h, approximate_cycles) or wanted
         if stopped is None and (left := [*_subintervals(arcs[0].high, wanted)]):
             on_stage("arcs")
             with pool(len(left) > 1) as executor:
@@ -129,10 +129,10 @@ def prove_family(
     one_curve = connected_arcs(arcs)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
-    return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
+    return FamilyProof(parameters, tuple(one_curve), stopped, connection, near_omega_h)
 
 
-def _prove_cycles_next_to(connection: ConnectionProof) -> ConnectionCyclesProof | None:
+def _prove_cycles_near_omega_h(connection: ConnectionProof) -> CyclesNearOmegaHProof | None:
     """Prove the limit cycles next to a connection up to the largest distance from Omega_h that
     succeeds.
 
@@ -141,14 +141,14 @@ def _prove_cycles_next_to(connection: ConnectionProof) -> ConnectionCyclesProof 
     end = None
     for reach in _REACHES if connection.proved else ():
         with suppress(InputError):  # for a reach beyond Omega_crit
-            end = prove_connection_cycles(connection, reach)
+            end = prove_cycles_near_omega_h(connection, reach)
         if end is not None and end.proved:
             break
     return end
 
 
-def _amplitude_near_connection(
-    near: ConnectionCyclesProof | None, approximate_cycles: Sequence[ApproximateCycle]
+def _amplitude_near_omega_h(
+    near_omega_h: CyclesNearOmegaHProof | None, approximate_cycles: Sequence[ApproximateCycle]
 ) -> Fraction | None:
     """Return an amplitude at which the family's arcs run into the proved cycles next to the
     connection.
@@ -156,11 +156,13 @@ def _amplitude_near_connection(
     Returns None if those cycles are not proved. ``approximate_cycles`` are approximate cycles of
     the family.
     """
-    if near is None or not near.proved or near.connection.omega_h is None:
+    if near_omega_h is None or not near_omega_h.proved or near_omega_h.connection.omega_h is None:
         return None
-    low = near.connection.omega_h.value
+    low = near_omega_h.connection.omega_h.value
     inside = [
-        cycle for cycle in approximate_cycles if cycle[2] - low < _OVERLAP * (near.high - low)
+        cycle
+        for cycle in approximate_cycles
+        if cycle[2] - low < _OVERLAP * (near_omega_h.high - low)
     ]
     return round(min(inside, default=approximate_cycles[-1])[0], 4)
 

@@ -44,7 +44,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     read_shape,
     require_claimed_enclosure,
 )
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     ArcTest,
     Curve,
@@ -358,14 +358,14 @@ _CLAIM_SHAPE: dict[str, Any] = {
 _WHOLE_CLAIM_SHAPE = {
     **_CLAIM_SHAPE,
     "numbers": {"omega_crit": NUMBER_SHAPE, "omega_h": NUMBER_SHAPE},
-    **connection_cycles.CLAIM_SHAPE,
+    **cycles_near_omega_h.CLAIM_SHAPE,
 }
 _ARCS_SHAPE = [ARC_SHAPE, None]
 SHAPES = {
     "family of limit cycles": (_CLAIM_SHAPE, {"arcs": _ARCS_SHAPE}),
     "whole family of limit cycles": (
         _WHOLE_CLAIM_SHAPE,
-        {"arcs": _ARCS_SHAPE, "end": connection_cycles.EVIDENCE_SHAPE},
+        {"arcs": _ARCS_SHAPE, "end": cycles_near_omega_h.EVIDENCE_SHAPE},
     ),
 }
 
@@ -406,7 +406,7 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcM
             f"claim: it is not shown that no other {name} is so near",
         )
     if KINDS[claim["kind"]]:
-        contains_cycle = connection_cycles.verify(claim, evidence["end"]).contains_cycle(
+        contains_cycle = cycles_near_omega_h.verify(claim, evidence["end"]).contains_cycle(
             *last_cycle(arcs)
         )
         require(

@@ -20,10 +20,10 @@ from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, ma
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
-from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
-    EnclosedConnectionCycles,
+from tippedisk_verify.proofs.kernel.certificates.cycles_near_omega_h import (
+    EnclosedCyclesNearOmegaH,
     LoopMap,
     verify_cycles,
 )
@@ -241,7 +241,7 @@ def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:
-    end = EnclosedConnectionCycles(
+    end = EnclosedCyclesNearOmegaH(
         Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268")
     )
     omega = OMEGA_H + Fraction(1, 10**4)
