@@ -180,8 +180,8 @@ CONNECTION = ConnectionProof(
             "linear friction law",
         ),
         *(
-            (lambda reach=reach: prove_cycles_near_omega_h(CONNECTION, reach), None)
-            for reach in ("0", "-1", "pi", "2", "soon")
+            (lambda distance=distance: prove_cycles_near_omega_h(CONNECTION, distance), None)
+            for distance in ("0", "-1", "pi", "2", "soon")
         ),
         (lambda: prove_cycles_near_omega_h(CONNECTION, "1e-5", "1e-5"), "between the ends"),
         (lambda: prove_cycles_near_omega_h(CONNECTION, "0.9"), "born below"),

@@ -139,11 +139,11 @@ def _draw_connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: fl
         axis.set_axis_off()
         return
     if proof.heteroclinic_closed and proof.near_omega_h is not None:
-        reach = float(proof.near_omega_h.high) - omega_h
+        distance = float(proof.near_omega_h.high) - omega_h
         axis.fill_between(
             [_MIN_DISTANCE, float(proof.near_omega_h.gamma)],
             _MIN_DISTANCE / 10,
-            reach,
+            distance,
             color=GREEN,
             alpha=0.4,
             lw=0,

@@ -382,8 +382,9 @@ def _check_coefficients() -> None:
     constants = Constants(
         r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon
     )
-    for around, reach, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
-        expected = (k * reach**2, omega**2 - g * reach, sign * k * e * reach * omega**2)
+    # The heights of the centre of gravity
+    for around, height, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
+        expected = (k * height**2, omega**2 - g * height, sign * k * e * height * omega**2)
         linear = linearization(constants, omega, around)
         smooth = [linearization(constants, omega, around, "smooth", side) for side in (1, -1)]
         if characteristic_polynomial(constants, omega, around) != expected or smooth != [

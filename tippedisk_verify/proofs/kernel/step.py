@@ -266,17 +266,17 @@ def enclosed_zero_time(
     """
     moment = span
     for _ in range(_MAX_ITERATIONS):
-        guess, reach = moment.mid(), moment.rad()
+        guess, radius = moment.mid(), moment.rad()
         if not (positive(guess) and positive(step.length - guess)):
             return None
         value_at_guess = value(guess)
         if positive(value_at_guess):
-            moment = guess.union(guess - reach)
+            moment = guess.union(guess - radius)
         elif negative(value_at_guess):
-            moment = guess.union(guess + reach)
+            moment = guess.union(guess + radius)
         moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
-        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(reach):
+        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(radius):
             break
         slope = slope_over(moment)
     return moment if moment.is_finite() else None

@@ -170,14 +170,14 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
     for _ in range(_MAX_STEPS):
         series = orbit.coefficients(state, SERIES_ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
-        if 1 - done < reach / 2:
+        step_share = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
+        if 1 - done < step_share / 2:
             break
-        length = (total * min(reach, 1 - done)).mid()
+        length = (total * min(step_share, 1 - done)).mid()
         state, time, done = (
             [evaluate_polynomial(part, length).mid() for part in series],
             time + length,
-            done + reach,
+            done + step_share,
         )
     tau = _section_time(series, 0 * total)
     return [-evaluate_polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()

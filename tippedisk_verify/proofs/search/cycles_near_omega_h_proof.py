@@ -174,24 +174,24 @@ class CyclesNearOmegaHProof(Proof):
 
 def prove_cycles_near_omega_h(
     connection: ConnectionProof,
-    reach: object = "0.008",
+    above: object = "0.008",
     below: object = "0.0015",
     on_progress: Callable[[float], None] = lambda share: None,
 ) -> CyclesNearOmegaHProof:
     """Prove the limit cycles at speeds just above Omega_h, and their absence just below it.
 
-    The speeds go from ``below`` under a proved connection to ``reach`` above it. Both distances
+    The speeds go from ``below`` under a proved connection to ``above`` over it. Both distances
     [rad/s] count from Omega_h rounded to four decimals. ``on_progress`` is called with the share of
     the flights that is done. Raises InputError for the smooth law and for distances out of range,
     and NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
-    above, under = checked_distance(reach), checked_distance(below)
+    distance_above, distance_below = checked_distance(above), checked_distance(below)
     if not connection.proved or omega_h is None or connection.verified is None:
         return CyclesNearOmegaHProof(CyclesNearOmegaHStatus.NO_CONNECTION, connection)
     parameters.refuse_unless_linear("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
-    low, high = middle - under, middle + above
+    low, high = middle - distance_below, middle + distance_above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
@@ -312,8 +312,8 @@ class _CyclesSearch(EvidenceSearch):
         for _ in range(_SEARCH_ROUNDS):
             if lid > float(passage.extents[0]) / 2:
                 raise SearchStopped(CyclesNearOmegaHStatus.NO_LID)
-            reach = float(LoopMap(passage, self._entry(passage, lid)).exit_z_s[1]) / _SLOW_CELL
-            lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
+            cell_count = float(LoopMap(passage, self._entry(passage, lid)).exit_z_s[1]) / _SLOW_CELL
+            lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * cell_count + wide)
         return self._entry(passage, lid * self.lid_factor)
 
     def _entry(self, passage: SaddlePassage, lid: float) -> dict[str, Any]:

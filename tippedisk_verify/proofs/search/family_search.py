@@ -53,12 +53,10 @@ _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
 _FINAL_FAILURES = (ArcStatus.SPEED_GROWS, ArcStatus.UNSTABLE)
 _DEFAULT_END = Fraction("3.06")  # rad: beyond it arcs become short
-_REACHES = (
-    "0.008",
-    "0.004",
-    "0.002",
-)  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
-_OVERLAP = Fraction(3, 4)  # of that reach, for the arcs' end
+# Distances above Omega_h [rad/s] up to which cycles are tried, and the share of them that the arcs'
+# end uses
+_TRIED_DISTANCES = ("0.008", "0.004", "0.002")
+_OVERLAP = Fraction(3, 4)
 # Known cycles; ratio of successive distances from Omega_h for the last ones
 _SPEED_COUNT, _DISTANCE_RATIO = 60, Fraction(4, 5)
 _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
@@ -139,9 +137,9 @@ def _prove_cycles_near_omega_h(connection: ConnectionProof) -> CyclesNearOmegaHP
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
     end = None
-    for reach in _REACHES if connection.proved else ():
-        with suppress(InputError):  # for a reach beyond Omega_crit
-            end = prove_cycles_near_omega_h(connection, reach)
+    for distance in _TRIED_DISTANCES if connection.proved else ():
+        with suppress(InputError):  # for a distance beyond Omega_crit
+            end = prove_cycles_near_omega_h(connection, distance)
         if end is not None and end.proved:
             break
     return end

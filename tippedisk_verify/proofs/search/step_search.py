@@ -92,10 +92,10 @@ class FlightStepSearch:
                 rounded_down_to_20_bits(_MAX_DECAY / max(1.0, stiffness)),
             )
         sizes = [max(0, log2_magnitude(column[0])) for column in trial.box_series[3:]]
-        reach, share = _estimated_length(trial.midpoint_series, allowed), self._share
+        estimated_length, share = _estimated_length(trial.midpoint_series, allowed), self._share
         for _ in range(_MAX_TRIALS):
             length = rounded_down_to_20_bits(
-                min(reach * share, max_length if max_length is not None else math.inf)
+                min(estimated_length * share, max_length if max_length is not None else math.inf)
             )
             if length < _MIN_STEP:
                 return None
@@ -111,13 +111,13 @@ class FlightStepSearch:
                 _length_excess(fine, [0, 0, 0], allowed, length, order + 1),
                 _length_excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
-            better = length / reach * 2.0 ** min(1.0, -excess)
+            better = length / estimated_length * 2.0 ** min(1.0, -excess)
             if step.included and excess <= 0:
                 # A shortened step gives no information about the next length.
                 if max_length is None or length < max_length:
                     self._share = 0.97 * better
                 return step
-            share = min(0.97 * better, 0.9 * length / reach)
+            share = min(0.97 * better, 0.9 * length / estimated_length)
         return None
 
     def new_axes(self, moved_axes: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:

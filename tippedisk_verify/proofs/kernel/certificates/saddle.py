@@ -462,17 +462,17 @@ class ManifoldGraph:
         """
         return [evaluate_polynomial(row[1:], theta) for row in self.graph]
 
-    def require_side(self, reach: Any, cone: Sequence[Any]) -> None:
+    def require_side(self, theta_max: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
 
-        The cone consists of |w_i| <= cone_i theta, 0 < theta <= reach, where w is the offset from
-        the curve. A curve without a side passes.
+        The cone consists of |w_i| <= cone_i theta, 0 < theta <= theta_max, where w is the offset
+        from the curve. A curve without a side passes.
         """
         if self.side is None:
             return
-        span = arb(0).union(reach)
+        span = arb(0).union(theta_max)
         z, direction = (
-            self.point(span, [arb(0, magnitude_bound(k * reach)) for k in cone]),
+            self.point(span, [arb(0, magnitude_bound(k * theta_max)) for k in cone]),
             [arb(1)] * 3,
         )
         for other, steep, k in zip(self.others, self.secant_slopes(span), cone, strict=True):
@@ -492,15 +492,15 @@ class ManifoldGraph:
             pairs = zip(self.others, self.slopes(variable), strict=True)
             return [rates[other] - slope * rates[self.along] for other, slope in pairs]
 
-    def relative_defect(self, reach: Any) -> list[Any]:
-        """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
+    def relative_defect(self, theta_max: Any) -> list[Any]:
+        """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= theta_max and all speeds.
 
         D is the curve's defect of invariance. Returns NaN where there is no bound. Raises Unproved
         if D is not 0 at the saddle.
         """
-        order, whole = self.order, arb(0).union(reach)
+        order, whole = self.order, arb(0).union(theta_max)
         if self.side is None:
-            whole = whole.union(-reach)
+            whole = whole.union(-theta_max)
         inside = self.defect(arb(0), order)
         try:
             over = self.defect(whole, order + 1)
@@ -510,9 +510,9 @@ class ManifoldGraph:
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
             require(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
-            total = magnitude_bound(coefficient(outer, order + 1)) * reach**order
+            total = magnitude_bound(coefficient(outer, order + 1)) * theta_max**order
             for power in range(1, order + 1):
-                total += magnitude_bound(coefficient(inner, power)) * reach ** (power - 1)
+                total += magnitude_bound(coefficient(inner, power)) * theta_max ** (power - 1)
             bounds.append(magnitude_bound(total))
         return bounds
 
