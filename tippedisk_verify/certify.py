@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from tippedisk_verify.cycles.families.folds import Fold
     from tippedisk_verify.disk import Disk
     from tippedisk_verify.proofs.closed_forms import ProvedEquilibrium, ProvedHopf, ProvedStability
-    from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece
-    from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
+    from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc
     from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
     from tippedisk_verify.proofs.search.cycle_proof import CycleProof
-    from tippedisk_verify.proofs.search.family_intervals import Interval
+    from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import CyclesNearOmegaHProof
     from tippedisk_verify.proofs.search.family_proof import FamilyProof
+    from tippedisk_verify.proofs.search.family_search import AmplitudeInterval
     from tippedisk_verify.proofs.search.fold_proof import FoldProof
     from tippedisk_verify.theory.equilibria import EquilibriumName
 
@@ -284,7 +284,7 @@ class Certifier:
         *,
         digits: int = 12,
         progress: bool | None = None,
-    ) -> ConnectionCyclesProof:
+    ) -> CyclesNearOmegaHProof:
         """Prove the limit cycle of every speed up to a distance above Omega_h.
 
         `heteroclinic` proves Omega_h first.
@@ -299,9 +299,9 @@ class Certifier:
         Raises:
             InputError: If the disk has the smooth friction law, or an argument cannot be used.
         """
-        from tippedisk_verify.proofs.search.connection_cycles_proof import (
+        from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
             checked_distance,
-            prove_connection_cycles,
+            prove_cycles_near_omega_h,
         )
 
         checked_distance(distance)
@@ -313,7 +313,7 @@ class Certifier:
                 shares.append(int(100 * share))
                 advance("limit cycles", shares[-1] - shares[-2])
 
-            return prove_connection_cycles(connection, distance, on_progress=watch)
+            return prove_cycles_near_omega_h(connection, distance, on_progress=watch)
 
     def branch(
         self,
@@ -340,8 +340,8 @@ class Certifier:
             InputError: If the disk has the smooth friction law, or ``until`` is not an amplitude.
         """
         from tippedisk_verify.cycles.branch_cycles import cycles_found
-        from tippedisk_verify.proofs.kernel.certificates.family import Piece
-        from tippedisk_verify.proofs.search.family_intervals import prove_family
+        from tippedisk_verify.proofs.kernel.certificates.family import ProvedArc
+        from tippedisk_verify.proofs.search.family_search import prove_family
 
         self.disk.refuse_unless_linear("the family of limit cycles is proved as one curve")
         wanted = None if until is None else _amplitude(until)
@@ -350,9 +350,9 @@ class Certifier:
             int(_BAR_STEPS_PER_RAD * (wanted or _MAX_AMPLITUDE)), progress
         ) as advance:
 
-            def watch(proved: Piece | ArcStatus, interval: Interval) -> None:
+            def watch(proved: ProvedArc | ArcStatus, interval: AmplitudeInterval) -> None:
                 nonlocal count
-                if isinstance(proved, Piece):
+                if isinstance(proved, ProvedArc):
                     count += 1
                     advance(
                         f"arcs: {count}",

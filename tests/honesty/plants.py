@@ -34,7 +34,7 @@ PLANTS = {
     "theory.hopf:hopf_point": "Hopf point",
     "theory.slow_manifold:analyse_slow_manifold": "slow manifold",
     "cycles.collocation.collocation_cycles:collocation_cycle": "harmonic balance",
-    "proofs.numbers:ball_to_measured": "proved closed forms",
+    "proofs.ball_conversions:ball_to_measured": "proved closed forms",
 }
 _FACTOR = 100
 

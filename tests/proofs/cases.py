@@ -21,10 +21,15 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus, Model, Path
+from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedField,
+    EnclosedFlight,
+    FlightStopped,
+    FlowStatus,
+)
 from tippedisk_verify.proofs.kernel.small_matrices import midpoint_inverse
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, rounded_down_to_20_bits
 
 MIN_STEP = 2.0**-40  # s
 NUMBERS = (
@@ -41,39 +46,39 @@ NUMBERS = (
 )
 
 
-class Flight(NamedTuple):
-    """Where all orbits from a box are after a time, proved: in the path's box.
+class FlowOutcome(NamedTuple):
+    """Where all orbits from a box are after a time, proved: in the flight's box.
 
     A status makes the rest mean nothing.
     """
 
     status: FlowStatus | None  #: why the time is not reached
-    path: Path
+    flight: EnclosedFlight
     upright: bool = True  #: |beta_bar| < pi/2 throughout: the disk does not lie flat
 
 
 def flow_for(
-    model: Model, start: Sequence[Any], duration: object, *, derivatives: bool = False
-) -> Flight:
+    field: EnclosedField, start: Sequence[Any], duration: object, *, derivatives: bool = False
+) -> FlowOutcome:
     """The flow for a positive time from a box of states."""
-    path, span = model.path(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
+    flight, span = field.flight(start, FlightStepSearch(), derivatives=derivatives), ball(duration)
     upright, share = True, 1.0
     while True:
-        left = span - path.time  # positive: what was taken is proved to be shorter
+        left = span - flight.time  # positive: what was taken is proved to be shorter
         length = share * rounded_down_to_20_bits(float(left.abs_upper()) * (1 + 2.0**-18))
         try:
-            step = path.step(max(length, 2 * MIN_STEP))
+            step = flight.step(max(length, 2 * MIN_STEP))
         except FlightStopped as fault:
-            return Flight(fault.status, path)
+            return FlowOutcome(fault.status, flight)
         if not (left <= step.length or left > step.length):
             share /= 2  # the step ends within the duration's ball
             continue
         share = 1.0
         upright = upright and inside(step.enclosure[0], arb(0, 1.5707))
         if left <= step.length:
-            path.take_step(step, left)
-            return Flight(None, path, upright)
-        path.take_step(step)
+            flight.take_step(step, left)
+            return FlowOutcome(None, flight, upright)
+        flight.take_step(step)
 
 
 #: What tampers with a certificate.
@@ -114,34 +119,34 @@ def hull(low: object, high: object) -> Any:
     return ball(low).union(ball(high))
 
 
-def half_flight(model: Model, gamma_bar: Any, v: Any, **options: Any) -> PoincareImage:
+def half_flight(field: EnclosedField, gamma_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The half map over a box."""
     return enclose_poincare_map(
-        model, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options
+        field, LIBRATING_SECTION, (gamma_bar, v), FlightStepSearch(), **options
     )
 
 
-def turn_flight(model: Model, beta_bar: Any, v: Any, **options: Any) -> PoincareImage:
+def turn_flight(field: EnclosedField, beta_bar: Any, v: Any, **options: Any) -> PoincareImage:
     """The turn map over a box."""
     return enclose_poincare_map(
-        model, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options
+        field, ROTATING_SECTION, (beta_bar, v), FlightStepSearch(), **options
     )
 
 
 def krawczyk_result(
-    model: Model,
+    field: EnclosedField,
     middle: Sequence[Any],
     radii: Sequence[Any],
     section: PoincareSection = LIBRATING_SECTION,
 ) -> KrawczykResult | None:
-    """Krawczyk's test for all speeds of the model at once; None if the map could not be
+    """Krawczyk's test for all speeds of the field at once; None if the map could not be
     followed.
     """
     middle, away = [ball(part).mid() for part in middle], [arb(0, radius) for radius in radii]
     box = [point + part for point, part in zip(middle, away, strict=True)]
     try:
-        centre = enclose_poincare_map(model, section, middle, FlightStepSearch())
-        over = enclose_poincare_map(model, section, box, FlightStepSearch(), derivatives=True)
+        centre = enclose_poincare_map(field, section, middle, FlightStepSearch())
+        over = enclose_poincare_map(field, section, box, FlightStepSearch(), derivatives=True)
     except FlightStopped:
         return None
     return apply_krawczyk_operator(
@@ -149,9 +154,9 @@ def krawczyk_result(
     )
 
 
-def box_is_included(model: Model, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
+def box_is_included(field: EnclosedField, middle: Sequence[Any], radii: Sequence[Any]) -> bool:
     """Whether the box passes the test."""
-    fixed = krawczyk_result(model, middle, radii)
+    fixed = krawczyk_result(field, middle, radii)
     return fixed is not None and fixed.included
 
 

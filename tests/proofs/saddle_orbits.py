@@ -16,7 +16,7 @@ from tippedisk_verify import DOUBLE, PRINTED, Parameters
 from tippedisk_verify.model.equations import jacobian, shifted_ops, vector_field
 from tippedisk_verify.proofs.kernel.balls import working_precision
 from tippedisk_verify.proofs.search.connection_proof import eigenvectors
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 
 OMEGA_H = Fraction("30.0488682607225")  # of `printed`, to its last digit
 # Of a step, relative and absolute: a hundred roundings

@@ -15,16 +15,16 @@ from tests.problems import speed_below
 from tippedisk_verify import PRINTED, Precision, Request
 from tippedisk_verify.cycles.shooting.section import SECTION_RETURN
 from tippedisk_verify.flow import default_engine
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel import certificates, half_map_of_curves
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     UNKNOWN_INDICES,
-    Arc,
+    ArcTest,
     krawczyk_test_of_arc,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.search.arc_evidence import CurveStepSearch, family_polynomials
 from tippedisk_verify.proofs.search.cycle_proof import CycleProof, prove_cycle
 
@@ -78,7 +78,7 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
     """With the numbers of the flight's first return, in 200 bits, from ends and from inside
     of the box.
     """
-    line, flight, _ = flown()
+    line, half_map, _ = flown()
     for s, signs in (
         (-1, (1, 1, 1)),
         (Fraction(1, 3), (-1, 1, 0)),
@@ -93,12 +93,14 @@ def test_points_of_the_box_return_as_the_integrator_finds() -> None:
             *image, time, divergence = integrated(
                 *(ball_to_measured(part.mid()).value for part in start)
             )
-            assert evaluate_polynomial(flight.divergence.coefficients, ball(s)).contains(divergence)
+            assert evaluate_polynomial(half_map.divergence.coefficients, ball(s)).contains(
+                divergence
+            )
             if not any(signs):
-                assert evaluate_polynomial(flight.curve_time.coefficients, ball(s)).contains(time)
+                assert evaluate_polynomial(half_map.curve_time.coefficients, ball(s)).contains(time)
             for own, row, x in zip(
-                (*flight.image, flight.curve_time),
-                (*flight.image_by_start, flight.time_by_start),
+                (*half_map.image, half_map.curve_time),
+                (*half_map.image_by_start, half_map.time_by_start),
                 (*image, time),
                 strict=True,
             ):
@@ -152,7 +154,7 @@ SPOILED_LOGS: dict[str, tuple[Callable[[list[Any]], Any], str]] = {
 
 @pytest.mark.slow(minutes=0.4)
 def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
-    line, flight, log = flown()
+    line, half_map, log = flown()
     with working_precision(64):
         again = half_map_of_curves.enclose_half_map(
             ball_constants(WIDE), line, half_map_of_curves.CurveReplay(log)
@@ -160,7 +162,7 @@ def test_a_log_gives_the_flight_again_and_a_spoiled_one_gives_none() -> None:
         assert all(
             a.overlaps(b) and a.contains(b)
             for a, b in zip(
-                again.curve_time.coefficients, flight.curve_time.coefficients, strict=True
+                again.curve_time.coefficients, half_map.curve_time.coefficients, strict=True
             )
         )
         for spoil, said in SPOILED_LOGS.values():
@@ -182,7 +184,7 @@ def test_a_flight_ends_where_the_disk_lies_flat() -> None:
 
 
 # --------------------------------------------------------------------------------------- the cycles
-def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> Arc:
+def arc_of(radius: str, share: str = "1e-3", off: int = 0) -> ArcTest:
     constants, length = ball_constants(PRINTED), ball(radius)
     start = [ball(part) for part in (*GUESS, OMEGA)]
     polynomials, half = family_polynomials(
@@ -208,7 +210,7 @@ def test_the_amplitude_as_the_parameter() -> None:
         assert found.included
         assert found.stable() is True
         # det(P' - 1) along the curve, and by the trace and Liouville's formula.
-        by_trace = 1 - found.trace().range() - found.flight.divergence.range().exp()
+        by_trace = 1 - found.trace().range() - found.half_map.divergence.range().exp()
         assert (found.slopes[1] * found.determinant).range().overlaps(by_trace)
         # The slopes are those by Omega over dgamma_bar_0/dOmega.
         numbers = cycle(Fraction(1)).numbers()
@@ -242,8 +244,8 @@ def test_a_saddle_is_not_stable() -> None:
     P' has a small determinant and a trace of 0.9.
     """
     slopes = Jet([arb(0)]), Jet([arb(-1)])  # of the unknowns: Omega falls
-    flight = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
+    half_map = SimpleNamespace(divergence=Jet([arb(-10)]), image_by_start=None)
     for determinant, trace, stable in ((-1, "0.9", True), (1, "0.9", None), (-1, "-1.5", False)):
         curve = SimpleNamespace(trace=lambda matrix, trace=trace: Jet([arb(trace)]))
-        arc = Arc(True, curve, flight, (), slopes, Jet([arb(determinant)]))
+        arc = ArcTest(True, curve, half_map, (), slopes, Jet([arb(determinant)]))
         assert arc.stable() is stable

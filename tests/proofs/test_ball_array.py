@@ -29,11 +29,11 @@ import pytest
 
 from tests.proofs.ball_array_attacks import ATTACKS
 from tippedisk_verify.model.parameters import PRINTED, Constants
+from tippedisk_verify.proofs.ball_conversions import ball_constants
 from tippedisk_verify.proofs.kernel import ball_array, doubles
 from tippedisk_verify.proofs.kernel.ball_array import BallArray, BallArraySeries
 from tippedisk_verify.proofs.kernel.balls import DisturbedError, arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.proved_flow import Model
-from tippedisk_verify.proofs.numbers import ball_constants
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
 
 ORDER = 20
 COUNT = 1500  # cases of an attack: enough for each planted fault
@@ -83,12 +83,14 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
         )
     ]
     *state, speeds = (BallArray(*np.array(column).T) for column in columns)
-    model = Model(Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED))), speeds)
+    field = EnclosedField(
+        Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED))), speeds
+    )
     tangents = [int(row == column) for column in range(4) for row in range(3)]
-    found = model.variational_system.coefficients(
+    found = field.variational_system.coefficients(
         [*state, *(BallArray(np.full(count, float(x))) for x in tangents)], ORDER
     )
-    thin = model.midpoint_system.coefficients([part.mid() for part in state], ORDER)
+    thin = field.midpoint_system.coefficients([part.mid() for part in state], ORDER)
     with working_precision(200):
         for place in range(count):
             for turn in range(3):
@@ -99,7 +101,7 @@ def test_the_variational_coefficients_hold_those_of_arb() -> None:
                     arb(column[place][0]) + arb(column[place][1]) * arb(share)
                     for column, share in zip(columns, shares, strict=True)
                 )
-                exact = Model(ball_constants(PRINTED), omega)
+                exact = EnclosedField(ball_constants(PRINTED), omega)
                 images = exact.variational_system.coefficients(
                     [*point, *map(ball, tangents)], ORDER
                 )
@@ -124,12 +126,12 @@ def _assert_within(found: BallArray, place: int, image: object) -> None:
 
 def test_an_earlier_result_is_not_overwritten() -> None:
     constants = Constants(*(BallArray.of([value]) for value in ball_constants(PRINTED)))
-    model = Model(constants, BallArray(np.full(2, 30.4)))
-    first = model.midpoint_system.coefficients(
+    field = EnclosedField(constants, BallArray(np.full(2, 30.4)))
+    first = field.midpoint_system.coefficients(
         [BallArray([0.1, 0.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     kept = [part.midpoints.copy() for part in first[2]]
-    model.midpoint_system.coefficients(
+    field.midpoint_system.coefficients(
         [BallArray([1.1, 1.2]), BallArray([0.3, 0.4]), BallArray([0.5, 0.6])], 5
     )
     assert all((a == b.midpoints).all() for a, b in zip(kept, first[2], strict=True))

@@ -14,6 +14,7 @@ from flint import acb_series, arb_series, ctx
 
 from tippedisk_verify import PRINTED, InputError, exact
 from tippedisk_verify.proofs.angles import rates
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured
 from tippedisk_verify.proofs.closed_forms import proved_hopf
 from tippedisk_verify.proofs.kernel.balls import (
     DisturbedError,
@@ -28,7 +29,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     working_precision,
 )
 from tippedisk_verify.proofs.kernel.vector_field import vector_field
-from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import prove_connection
 
 NOT_NUMBERS = (

@@ -78,7 +78,7 @@ def flights(content: Any) -> list[Names]:
 
 
 KNOWN: dict[Any, Any] = {}
-LAW_MODEL, COEFFICIENTS = sliding.model_for_friction, System.coefficients
+FIELD_FOR_FRICTION, COEFFICIENTS = sliding.field_for_friction, System.coefficients
 
 
 @pytest.fixture(scope="module")
@@ -90,15 +90,15 @@ def remembered() -> Iterator[None]:
     def exactly(x: Any) -> Names:
         return (*x.mid().man_exp(), *x.rad().man_exp()) if x.is_finite() else (str(x),)
 
-    def model(friction: str, constants: Any, omega: Any) -> Any:
+    def field(friction: str, constants: Any, omega: Any) -> Any:
         key = (
-            "model",
+            "field",
             ctx.prec,
             friction,
             *(part for x in (*constants, omega) for part in exactly(x)),
         )
         if key not in KNOWN:
-            KNOWN[key] = LAW_MODEL(friction, constants, omega)
+            KNOWN[key] = FIELD_FOR_FRICTION(friction, constants, omega)
         return KNOWN[key]
 
     def coefficients(self: System, start: Any, order: int) -> Any:
@@ -108,7 +108,7 @@ def remembered() -> Iterator[None]:
         return [list(column) for column in KNOWN[key]]
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(krawczyk, "model_for_friction", model)
+        patch.setattr(krawczyk, "field_for_friction", field)
         patch.setattr(System, "coefficients", coefficients)
         yield
     KNOWN.clear()

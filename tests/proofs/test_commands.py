@@ -23,7 +23,6 @@ from tippedisk_verify.proofs.closed_forms import (
     real_root,
 )
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
 from tippedisk_verify.proofs.search.connection_proof import (
     MAX_DIGITS,
     ConnectionProof,
@@ -31,6 +30,7 @@ from tippedisk_verify.proofs.search.connection_proof import (
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle_proof import ROTATING_SECTION, prove_cycle
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import prove_cycles_near_omega_h
 from tippedisk_verify.proofs.search.fold_proof import prove_fold
 from tippedisk_verify.theory import hopf
 
@@ -163,15 +163,15 @@ CONNECTION = ConnectionProof(
         (lambda: prove_connection(PRINTED, "30", MAX_DIGITS + 1), "digits"),
         (lambda: prove_connection(PRINTED, "-1", 8), None),
         (
-            lambda: prove_connection_cycles(replace(CONNECTION, parameters=SMOOTH)),
+            lambda: prove_cycles_near_omega_h(replace(CONNECTION, parameters=SMOOTH)),
             "linear friction law",
         ),
         *(
-            (lambda reach=reach: prove_connection_cycles(CONNECTION, reach), None)
-            for reach in ("0", "-1", "pi", "2", "soon")
+            (lambda distance=distance: prove_cycles_near_omega_h(CONNECTION, distance), None)
+            for distance in ("0", "-1", "pi", "2", "soon")
         ),
-        (lambda: prove_connection_cycles(CONNECTION, "1e-5", "1e-5"), "between the ends"),
-        (lambda: prove_connection_cycles(CONNECTION, "0.9"), "born below"),
+        (lambda: prove_cycles_near_omega_h(CONNECTION, "1e-5", "1e-5"), "between the ends"),
+        (lambda: prove_cycles_near_omega_h(CONNECTION, "0.9"), "born below"),
     ],
 )
 def test_bad_input_of_a_proof_is_refused(prove, said: str | None) -> None:

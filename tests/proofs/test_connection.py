@@ -16,15 +16,15 @@ from tippedisk_verify.errors import NoConnectionError
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import _converges_along_slow_direction
 from tippedisk_verify.proofs.search import connection_proof as certified
-from tippedisk_verify.proofs.search.connection_cycles_proof import (
-    ConnectionCyclesProof,
-    ConnectionCyclesStatus,
-    prove_connection_cycles,
-)
 from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionProof,
     ConnectionStatus,
     prove_connection,
+)
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
+    CyclesNearOmegaHProof,
+    CyclesNearOmegaHStatus,
+    prove_cycles_near_omega_h,
 )
 
 TRUTH = {
@@ -108,11 +108,11 @@ def test_a_disk_without_a_saddle_is_refused() -> None:
 # ---------------------------------------------------------------------------- the cycles next to it
 def test_what_is_refused_of_the_cycles_next_to_it() -> None:
     assert (
-        prove_connection_cycles(ConnectionProof(ConnectionStatus.FLOW)).status
-        is ConnectionCyclesStatus.NO_CONNECTION
+        prove_cycles_near_omega_h(ConnectionProof(ConnectionStatus.FLOW)).status
+        is CyclesNearOmegaHStatus.NO_CONNECTION
     )
     assert (
-        prove_connection_cycles(ConnectionProof(ConnectionStatus.NO_SADDLE)).to_dict()["proved"]
+        prove_cycles_near_omega_h(ConnectionProof(ConnectionStatus.NO_SADDLE)).to_dict()["proved"]
         is False
     )
 
@@ -122,7 +122,7 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
     is known.
     """
     lengths = map(Fraction, ("30.0479", "30.0569", "0.14", "0.268"))
-    end = ConnectionCyclesProof(ConnectionCyclesStatus.PROVED, proved_connection(), *lengths)
+    end = CyclesNearOmegaHProof(CyclesNearOmegaHStatus.PROVED, proved_connection(), *lengths)
     for part in (PRINTED.definition(), "linear", "30.0569", "3 pi/2 - 0.14", "-0.268"):
         assert part in end.statement
     assert json.loads(json.dumps(end.to_dict()))["to"] == "30.0569"
@@ -138,7 +138,7 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
                 ),
             )
             assert end.contains_cycle(speed, *cycle) == (k < 9)  # Omega_h is known to 1e-9 here
-            assert not replace(end, status=ConnectionCyclesStatus.FLIGHT).contains_cycle(
+            assert not replace(end, status=CyclesNearOmegaHStatus.FLIGHT).contains_cycle(
                 speed, *cycle
             )
 
@@ -146,5 +146,5 @@ def test_what_is_said_of_the_cycles_next_to_it() -> None:
 @pytest.mark.slow(minutes=0.5)
 def test_the_end_of_another_disk_is_proved(taylor: Taylor) -> None:
     omega_h = heteroclinic(CALIBRATED, taylor, digits=14).omega_h.value
-    end = prove_connection_cycles(prove_connection(CALIBRATED, omega_h, 9))
+    end = prove_cycles_near_omega_h(prove_connection(CALIBRATED, omega_h, 9))
     assert end.proved, end.statement

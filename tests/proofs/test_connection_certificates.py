@@ -19,10 +19,14 @@ from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificate_format import read_dyadic
-from tippedisk_verify.proofs.kernel.certificates import Unproved, connection_cycles, verify_content
+from tippedisk_verify.proofs.kernel.certificates import (
+    Unproved,
+    cycles_near_omega_h,
+    verify_content,
+)
 from tippedisk_verify.proofs.kernel.certificates.connection import _enclose_unstable_branch
 from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
-from tippedisk_verify.proofs.search.connection_cycles_proof import prove_connection_cycles
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import prove_cycles_near_omega_h
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +190,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
     What is shown once of Omega_h is remembered.
     """
     proof = proved_connection()
-    end = prove_connection_cycles(proof)
+    end = prove_cycles_near_omega_h(proof)
     assert end.proved, end.statement
     kappa, least_time = (float(end.numbers[name]) for name in ("kappa", "T"))
     assert end.high - OMEGA_H > Fraction("5.6e-3")
@@ -208,7 +212,7 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
         "3 pi/2 - 0.14 <= gamma",
     ):
         assert part in end.statement
-    usual, original = connection_cycles.verify_connection, json.loads(text)
+    usual, original = cycles_near_omega_h.verify_connection, json.loads(text)
     steps = replace_entry("evidence", "flights", "steps", 198)  # is found at the flights' end only
     for line, act in (*DISKS, *OF_THE_CYCLES, ("its last step|pass", steps)):
         content = json.loads(text)
@@ -223,6 +227,6 @@ def test_the_certificate_of_the_cycles_is_accepted_and_nothing_else_is(
             )
         )
         monkeypatch.setattr(
-            connection_cycles, "verify_connection", (lambda *_: proof.verified) if same else usual
+            cycles_near_omega_h, "verify_connection", (lambda *_: proof.verified) if same else usual
         )
         refused(text, line, act)

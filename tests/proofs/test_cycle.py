@@ -20,10 +20,14 @@ from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING, ROTATING
 from tippedisk_verify.model.equations import shifted_ops, vector_field
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive, working_precision
 from tippedisk_verify.proofs.kernel.certificates.cycle import claimed_names
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus, Model
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, FlightStopped, FlowStatus
 from tippedisk_verify.proofs.search.cycle_proof import (
     ROTATING_SECTION,
     CycleProof,
@@ -52,8 +56,8 @@ FLIGHTS = pytest.mark.parametrize(
 )
 
 
-def model(disk=PRINTED, omega=OMEGA) -> Model:
-    return model_for_disk(disk, ball(omega))
+def field(disk=PRINTED, omega=OMEGA) -> EnclosedField:
+    return field_for_disk(disk, ball(omega))
 
 
 def box(relative: str) -> tuple[list, list]:
@@ -144,7 +148,7 @@ def test_a_flight_off_the_cycle_against_shooting(taylor, disk, flight, section, 
     """
     ordinary = ReturnMap(section, disk, OMEGA, taylor)(tuple(map(float, start)))
     with working_precision(80):
-        found = flight(model(disk), *map(ball, start), derivatives=True)
+        found = flight(field(disk), *map(ball, start), derivatives=True)
     image = [
         residual + float(part) for residual, part in zip(ordinary.residual, start, strict=True)
     ]
@@ -175,15 +179,15 @@ def test_differences_of_flights_lie_in_the_enclosed_derivatives(
         step = ball("1e-6")
         middle = [*map(ball, start), ball(OMEGA)]
         whole = flight(
-            model(disk, hull(OMEGA, OMEGA + Fraction(1, 10**6))),
+            field(disk, hull(OMEGA, OMEGA + Fraction(1, 10**6))),
             *(x + arb(0, step) for x in middle[:2]),
             derivatives=True,
         )
-        here = flight(model(disk), *middle[:2])
+        here = flight(field(disk), *middle[:2])
         columns = zip(*whole.image_by_start, strict=True)
         for k, (column, time_by) in enumerate(zip(columns, whole.time_by_start, strict=True)):
             moved = [x + (step if j == k else 0) for j, x in enumerate(middle)]
-            ahead = flight(model(disk, moved[2]), *moved[:2])
+            ahead = flight(field(disk, moved[2]), *moved[:2])
             pairs = [
                 (time_by, ahead.time, here.time),
                 *zip(column, ahead.image, here.image, strict=True),
@@ -215,16 +219,16 @@ def test_boxes_beside_the_cycle_are_not_included() -> None:
 
     with working_precision(48):
         middle, radii = box("3e-8")
-        assert box_is_included(model(), middle, radii)
+        assert box_is_included(field(), middle, radii)
         assert not box_is_included(
-            Model(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii
+            EnclosedField(ball_constants(PRINTED), ball(OMEGA), wrong), middle, radii
         )
-        assert not box_is_included(model(), [middle[0] + 3 * radii[0], middle[1]], radii)
+        assert not box_is_included(field(), [middle[0] + 3 * radii[0], middle[1]], radii)
         # Each speed within 1e-5 rad/s has exactly one fixed point in a wider box.
         speeds = hull(OMEGA - Fraction(1, 10**5), OMEGA + Fraction(1, 10**5))
-        assert box_is_included(model(omega=speeds), *box("2e-4"))
+        assert box_is_included(field(omega=speeds), *box("2e-4"))
     with working_precision(35):
-        assert not box_is_included(model(), *box("1e-12"))
+        assert not box_is_included(field(), *box("1e-12"))
 
 
 @pytest.mark.parametrize(
@@ -269,13 +273,13 @@ def test_ends_without_a_proof(omega, guess, status) -> None:
 def test_flights_that_do_not_return(flight, first, v, status) -> None:
     with working_precision(64):
         with pytest.raises(FlightStopped) as stopped:
-            flight(model(), first, v)
+            flight(field(), first, v)
         assert status is None or stopped.value.status is status
 
 
 def test_a_flight_gives_up_after_the_longest_time() -> None:
     with working_precision(64):
         with pytest.raises(FlightStopped) as stopped:
-            half_flight(model(), *map(ball, GUESS), max_duration=0.05)
+            half_flight(field(), *map(ball, GUESS), max_duration=0.05)
         assert stopped.value.status is FlowStatus.NO_RETURN
         assert positive(stopped.value.time_reached - ball("0.05"))

@@ -11,16 +11,16 @@ import pytest
 
 from tests.proofs.cases import half_flight
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.ball_conversions import field_for_disk
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.poincare_map import (
     LIBRATING_SECTION,
     PoincareImage,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, FlightStopped
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
-from tippedisk_verify.proofs.numbers import model_for_disk
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, rounded_down_to_20_bits
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, rounded_down_to_20_bits
 
 OMEGA, START = "30.4", (1.7, -1.72)
 
@@ -35,9 +35,9 @@ class CarelessSearch(FlightStepSearch):
     def after_reversal(self) -> CarelessSearch:
         return CarelessSearch(self.draw)
 
-    def next_step(self, path: Path, max_length: float | None) -> Step | None:
+    def next_step(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
         for _ in range(60):
-            trial = StepTrial(path, (self.draw.randint(2, 24), self.draw.randint(2, 12)))
+            trial = StepTrial(flight, (self.draw.randint(2, 24), self.draw.randint(2, 12)))
             step = trial.tested_step(
                 rounded_down_to_20_bits(min(2.0 ** -self.draw.uniform(6, 11), max_length or 1.0))
             )
@@ -58,7 +58,7 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
     parameters, size = PRINTED.with_friction(friction), arb("1e-9")
     with working_precision(120):
         truth = half_flight(
-            model_for_disk(parameters, ball(OMEGA)), *map(ball, START), derivatives=True
+            field_for_disk(parameters, ball(OMEGA)), *map(ball, START), derivatives=True
         )
     shown = 0
     for seed in range(5):
@@ -66,8 +66,8 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
             box = [part + arb(0, size) for part in map(ball, START)]
             proposer = CarelessSearch(random.Random(seed))
             try:
-                flight = enclose_poincare_map(
-                    model_for_disk(parameters, ball(OMEGA)),
+                image = enclose_poincare_map(
+                    field_for_disk(parameters, ball(OMEGA)),
                     LIBRATING_SECTION,
                     box,
                     proposer,
@@ -76,13 +76,13 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
             except FlightStopped:
                 continue
         shown += 1
-        assert flight.reversals == truth.reversals
+        assert image.reversals == truth.reversals
         for mine, true in (
-            (flight.time, truth.time),
-            (flight.beta_least, truth.beta_least),
-            *zip(flight.image, truth.image, strict=True),
+            (image.time, truth.time),
+            (image.beta_least, truth.beta_least),
+            *zip(image.image, truth.image, strict=True),
             *zip(
-                (*flight.image_by_start[0], *flight.image_by_start[1]),
+                (*image.image_by_start[0], *image.image_by_start[1]),
                 (*truth.image_by_start[0], *truth.image_by_start[1]),
                 strict=True,
             ),
@@ -92,12 +92,12 @@ def test_what_careless_evidence_shows_is_true(friction: str) -> None:
 
 
 class StaleTrialSearch(FlightStepSearch):
-    """Keeps a trial when the path has moved on."""
+    """Keeps a trial when the flight has moved on."""
 
     trial: Any = None
 
-    def next_step(self, path: Path, max_length: float | None) -> Step | None:
-        self.trial = self.trial or StepTrial(path, (16, 8))
+    def next_step(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
+        self.trial = self.trial or StepTrial(flight, (16, 8))
         return self.trial.tested_step(2.0**-9)
 
 
@@ -108,8 +108,8 @@ class ForgingSearch(FlightStepSearch):
         super().__init__()
         self.forged = forged
 
-    def next_step(self, path: Path, max_length: float | None) -> Step | None:
-        step = super().next_step(path, max_length)
+    def next_step(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
+        step = super().next_step(flight, max_length)
         return None if step is None else self.forged(step)
 
 
@@ -132,7 +132,7 @@ def flown(proposer: FlightStepSearch) -> PoincareImage:
     with working_precision(96):
         box = [part + arb(0, 2.0**-13) for part in map(ball, ("0.4", "-2"))]
         return enclose_poincare_map(
-            model_for_disk(PRINTED, ball("30.4")),
+            field_for_disk(PRINTED, ball("30.4")),
             LIBRATING_SECTION,
             box,
             proposer,
@@ -150,8 +150,6 @@ def test_the_kernel_believes_its_own_steps_only() -> None:
         lambda step: replace(step, polynomials=[[1 + c[0], *c[1:]] for c in step.polynomials])
     )
     for proposer in (shifted, MeddlingSearch()):
-        flight = flown(proposer)
-        for mine, its in zip(
-            (flight.time, *flight.image), (honest.time, *honest.image), strict=True
-        ):
+        image = flown(proposer)
+        for mine, its in zip((image.time, *image.image), (honest.time, *honest.image), strict=True):
             assert (mine.mid(), mine.rad()) == (its.mid(), its.rad())

@@ -1,4 +1,4 @@
-"""The family from the Hopf point on: scaled states, pieces, how they are joined, and what the
+"""The family from the Hopf point on: scaled states, arcs, how they are joined, and what the
 command says.
 """
 
@@ -25,27 +25,27 @@ from tippedisk_verify.proofs.angles import INVERTED, linearization
 from tippedisk_verify.proofs.kernel import vector_field as equations
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, negative, working_precision
 from tippedisk_verify.proofs.kernel.certificates import check
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, unique_within
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc, unique_within
 from tippedisk_verify.proofs.kernel.half_map_of_curves import enclose_half_map
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.proved_flow import Model
-from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledModel
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
+from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve, ScaledField
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.search import arc_evidence
-from tippedisk_verify.proofs.search import family_intervals as search
-from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_piece
-from tippedisk_verify.proofs.search.connection_cycles_proof import (
-    ConnectionCyclesProof,
-    ConnectionCyclesStatus,
-)
+from tippedisk_verify.proofs.search import family_search as search
+from tippedisk_verify.proofs.search.arc_evidence import BITS, CurveStepSearch, prove_arc
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
+    CyclesNearOmegaHProof,
+    CyclesNearOmegaHStatus,
+)
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 
 DISK = parameter_texts(PRINTED)
 SUBCRITICAL = PRINTED.changed(A="0.229e-3")
 NEAR = (1, 2, 3, 4, 5, 6, 8, 10, 12, 16, 20, 30)  #: of the reference data's cycles next to Omega_h
-HIGH, NEXT = Fraction("0.1"), Fraction("0.11")  # rad: short pieces, so that a low degree will do
+HIGH, NEXT = Fraction("0.1"), Fraction("0.11")  # rad: short arcs, so that a low degree will do
 
 
 # ------------------------------------------------------------------------------------ scaled states
@@ -86,7 +86,7 @@ def test_the_scaled_field_at_the_equilibrium_is_the_linearisation() -> None:
         start = [ball(part) for part in ("0.3", "0.9", "-1.2")]
         matrix = linearization(constants, omega, INVERTED)
         for mine, row in zip(
-            ScaledModel(constants, omega, arb(0)).rates(start), matrix, strict=True
+            ScaledField(constants, omega, arb(0)).rates(start), matrix, strict=True
         ):
             assert mine.overlaps(sum((a * x for a, x in zip(row, start, strict=True)), arb(0)))
 
@@ -103,7 +103,7 @@ def test_what_is_not_odd_is_refused(monkeypatch) -> None:
 
     monkeypatch.setattr("tippedisk_verify.proofs.kernel.scaled_half_map.vector_field", crooked)
     with pytest.raises(ArithmeticError, match="not odd"):
-        ScaledModel(equations.field_constants(DISK), ball(30), arb(0))
+        ScaledField(equations.field_constants(DISK), ball(30), arb(0))
     one = Jet([arb(1)])
     with pytest.raises(Unproved, match="less than 1"):
         ScaledCurve(one, -one, one, [arb(0)] * 3, one)
@@ -116,7 +116,7 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
     with working_precision(64):
         a, w, omega = ball("0.3"), ball("-1.7"), ball("30.8")
         constants = equations.field_constants(DISK)
-        truth = half_flight(Model(constants, omega), a, a * w, derivatives=True)
+        truth = half_flight(EnclosedField(constants, omega), a, a * w, derivatives=True)
         curve = ScaledCurve(
             Jet([a * a]), Jet([w]), Jet([omega]), [arb(0)] * 3, Jet([truth.time.mid()])
         )
@@ -144,21 +144,21 @@ def test_the_scaled_half_map_and_its_derivatives() -> None:
         assert trace.rad() < 1e-5  # three of the balls above
 
 
-# ------------------------------------------------------------------------------------------- pieces
+# --------------------------------------------------------------------------------------------- arcs
 @pytest.fixture
 def quick(monkeypatch) -> None:
-    """Polynomials of degree 2 and no wider box: seconds a piece."""
+    """Polynomials of degree 2 and no wider box: seconds an arc."""
     monkeypatch.setattr(arc_evidence, "_DEGREE", 2)
     monkeypatch.setattr(arc_evidence, "_WIDE_SHARES", ())
 
 
 @lru_cache(maxsize=4)
-def first(parameters: Parameters) -> Piece | ArcStatus:
-    return prove_piece(parameters, Fraction(0), HIGH, search.hopf_guess(parameters))
+def first(parameters: Parameters) -> ProvedArc | ArcStatus:
+    return prove_arc(parameters, Fraction(0), HIGH, search.hopf_guess(parameters))
 
 
 @lru_cache(maxsize=1)
-def second() -> Piece:
+def second() -> ProvedArc:
     cycle = known("0.0028")
     middle = (HIGH + NEXT) / 2
     # v_0 is nearly proportional to the amplitude, Omega_crit - Omega to its square.
@@ -167,8 +167,8 @@ def second() -> Piece:
         cycle.omega.value,
         cycle.period.value / 2,
     )
-    found = prove_piece(PRINTED, HIGH, NEXT, guess)
-    assert isinstance(found, Piece), found
+    found = prove_arc(PRINTED, HIGH, NEXT, guess)
+    assert isinstance(found, ProvedArc), found
     return found
 
 
@@ -178,43 +178,43 @@ def known(below: str) -> Any:
     return librating_cycle_at(PRINTED, speed_below(PRINTED, below), default_engine(), digits=12)
 
 
-def piece() -> Piece:
+def first_arc() -> ProvedArc:
     found = first(PRINTED)
-    assert isinstance(found, Piece), found
+    assert isinstance(found, ProvedArc), found
     return found
 
 
-def on_curve(piece: Piece, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
+def on_curve(arc: ProvedArc, gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
     """Whether a cycle that S maps to itself, with numbers in these intervals, is proved to be one
-    of the piece's.
+    of the arc's.
 
     For each gamma_bar_0 of its interval those of v_0 and Omega must lie inside the box of
     uniqueness.
     """
     ends = [gamma_bar.value - gamma_bar.uncertainty, gamma_bar.value + gamma_bar.uncertainty]
-    if not piece.low <= ends[0] <= ends[1] <= piece.high or ends[0] <= 0:
+    if not arc.low <= ends[0] <= ends[1] <= arc.high or ends[0] <= 0:
         return False
     with working_precision(BITS):
         amplitude, *numbers = (
             ball(x.value) + arb(0, ball(x.uncertainty)) for x in (gamma_bar, v, omega)
         )
-        s = (2 * amplitude - ball(piece.low) - ball(piece.high)) / ball(piece.high - piece.low)
-        if piece.scaled:
+        s = (2 * amplitude - ball(arc.low) - ball(arc.high)) / ball(arc.high - arc.low)
+        if arc.scaled:
             s, numbers[0] = (
-                2 * amplitude * amplitude / ball(piece.high**2) - 1,
+                2 * amplitude * amplitude / ball(arc.high**2) - 1,
                 numbers[0] / amplitude,
             )
         off = [
             x - evaluate_polynomial([ball(part) for part in row], s)
-            for x, row in zip(numbers, piece.curve, strict=True)
+            for x, row in zip(numbers, arc.curve, strict=True)
         ]
         return all(
-            negative(abs(x) - ball(room)) for x, room in zip(off, piece.unique_within, strict=True)
+            negative(abs(x) - ball(room)) for x, room in zip(off, arc.unique_within, strict=True)
         )
 
 
-#: A piece that is not proved: that of `second`, with its polynomials in fewer digits.
-ASSUMED = Piece(
+#: An arc that is not proved: that of `second`, with its polynomials in fewer digits.
+ASSUMED = ProvedArc(
     HIGH,
     NEXT,
     (
@@ -232,24 +232,24 @@ def _end(
     low: str,
     high: str,
     gamma: str,
-    status: ConnectionCyclesStatus = ConnectionCyclesStatus.PROVED,
-) -> ConnectionCyclesProof:
+    status: CyclesNearOmegaHStatus = CyclesNearOmegaHStatus.PROVED,
+) -> CyclesNearOmegaHProof:
     """As if it were proved, of an Omega_h just above ``low`` and a set Q of the gamma_bar
     from pi - ``gamma`` on.
     """
     omega_h = Measured(Fraction(low) + Fraction(1, 10**6), Fraction(1, 10**9))
     connection = replace(proved_connection(), omega_h=omega_h, parameters=parameters)
-    return ConnectionCyclesProof(
+    return CyclesNearOmegaHProof(
         status, connection, Fraction(low), Fraction(high), Fraction(gamma), Fraction(1)
     )
 
 
 @pytest.mark.usefixtures("quick")
 def test_the_other_end_closes_only_what_it_reaches() -> None:
-    """The last piece ends at NEXT, at a speed about 0.00307 below Omega_crit."""
-    proof = FamilyProof(PRINTED, (piece(), ASSUMED))
+    """The last arc ends at NEXT, at a speed about 0.00307 below Omega_crit."""
+    proof = FamilyProof(PRINTED, (first_arc(), ASSUMED))
     assert not proof.heteroclinic_closed
-    low, high = proof.pieces[-1].speeds(NEXT)
+    low, high = proof.arcs[-1].speeds(NEXT)
     reaches = replace(proof, near_omega_h=_end(PRINTED, "30", "30.8850", "3.05"))
     assert Fraction(30) < low < high < Fraction("30.8850")
     assert reaches.heteroclinic_closed
@@ -267,22 +267,22 @@ def test_the_other_end_closes_only_what_it_reaches() -> None:
     assert Fraction(ends["heteroclinic"]["to"]) == Fraction("30.885")
     short = round(low, 9) - Fraction(1, 10**8)
     for end in (
-        _end(PRINTED, "30", str(float(short)), "3.05"),  # not up to the piece's speed
-        _end(PRINTED, "30.8850", "30.89", "3.05"),  # the piece's speed is below Omega_h
-        _end(PRINTED, "30", "30.8850", "3.03"),  # the piece does not reach Q
+        _end(PRINTED, "30", str(float(short)), "3.05"),  # not up to the arc's speed
+        _end(PRINTED, "30.8850", "30.89", "3.05"),  # the arc's speed is below Omega_h
+        _end(PRINTED, "30", "30.8850", "3.03"),  # the arc does not reach Q
         _end(CALIBRATED, "30", "30.8850", "3.05"),
-        _end(PRINTED, "30", "30.8850", "3.05", ConnectionCyclesStatus.INEQUALITY),
+        _end(PRINTED, "30", "30.8850", "3.05", CyclesNearOmegaHStatus.INEQUALITY),
     ):
         open_proof = replace(proof, near_omega_h=end)
         assert not open_proof.heteroclinic_closed
         assert open_proof.to_dict()["ends"]["heteroclinic"]["closed"] is False
         assert "a in (0, pi)" not in open_proof.statement
-    assert not replace(reaches, pieces=()).proved
+    assert not replace(reaches, arcs=()).proved
 
 
 @pytest.mark.usefixtures("quick")
 def test_what_is_covered() -> None:
-    proof = FamilyProof(PRINTED, (piece(), ASSUMED), connection=proved_connection())
+    proof = FamilyProof(PRINTED, (first_arc(), ASSUMED), connection=proved_connection())
     entries = proof.to_dict()
     assert (entries["proved"], entries["ends"]["hopf"]) == (False, {"closed": True})
     assert entries["ends"]["heteroclinic"]["closed"] is False
@@ -295,13 +295,15 @@ def test_what_is_covered() -> None:
     assert highest <= proof.omega_end < highest + Fraction(1, 10**9)
     rooms = [
         [room - near for room, near in zip(part.unique_within, part.within, strict=True)]
-        for part in proof.pieces
+        for part in proof.arcs
     ]
-    assert unique_within(proof.pieces) == (rooms[0][0], rooms[1][0], min(room[1] for room in rooms))
+    assert unique_within(proof.arcs) == (rooms[0][0], rooms[1][0], min(room[1] for room in rooms))
     assert PRINTED.definition() in entries["statement"]
     for word in ("asymptotically stable", "exactly one of these cycles", entries["omega_end"]):
         assert word in entries["statement"]
-    holed = replace(proof, pieces=(piece(), replace(ASSUMED, low=ASSUMED.low + Fraction(1, 1000))))
+    holed = replace(
+        proof, arcs=(first_arc(), replace(ASSUMED, low=ASSUMED.low + Fraction(1, 1000)))
+    )
     assert holed.statement.startswith("nothing is proved")
     nothing = FamilyProof(SUBCRITICAL, (), ArcStatus.SPEED_GROWS)
     assert (
@@ -313,24 +315,24 @@ def test_what_is_covered() -> None:
 
 @pytest.mark.usefixtures("quick")
 def test_the_command_says_and_draws_what_is_proved(monkeypatch, tmp_path) -> None:
-    proof = FamilyProof(PRINTED, (piece(), ASSUMED), connection=proved_connection())
+    proof = FamilyProof(PRINTED, (first_arc(), ASSUMED), connection=proved_connection())
     monkeypatch.setattr(search, "prove_family", lambda *_, **__: proof)
     words = f"certify branch --to {float(NEXT)}"
     result = answer(f"{words} --out {tmp_path}", status=1)
     assert (tmp_path / "proved_family.svg").stat().st_size > 10_000
     assert (result["proved"], result["covered"]) == (False, proof.to_dict()["covered"])
-    assert [read_piece(entry) for entry in result["arcs"]] == [piece(), ASSUMED]
+    assert [read_arc(entry) for entry in result["arcs"]] == [first_arc(), ASSUMED]
     said = printed(words, status=1).splitlines()
     assert ("arcs: 2" in said, f"statement: {result['statement']}" in said) == (True, True)
 
 
-def read_piece(entry: Mapping[str, Any]) -> Piece:
+def read_arc(entry: Mapping[str, Any]) -> ProvedArc:
     """An arc of the command's JSON."""
     first, second = (tuple(map(Fraction, row)) for row in entry["curve"])
     unique, near = (
         (Fraction(x), Fraction(y)) for x, y in (entry["unique_within"], entry["within"])
     )
-    return Piece(Fraction(entry["low"]), Fraction(entry["high"]), (first, second), unique, near)
+    return ProvedArc(Fraction(entry["low"]), Fraction(entry["high"]), (first, second), unique, near)
 
 
 @pytest.mark.slow(minutes=8)
@@ -348,8 +350,8 @@ def test_the_whole_of_the_printed_disk(tmp_path) -> None:
         {"closed": True},
         True,
     )
-    proved = [read_piece(entry) for entry in said["arcs"]]
-    assert search.connected_pieces(proved) == proved
+    proved = [read_arc(entry) for entry in said["arcs"]]
+    assert search.connected_arcs(proved) == proved
 
     def known(gamma_bar: Measured, v: Measured, omega: Measured) -> bool:
         """Whether a cycle is one of the arcs', or next to the connection."""

@@ -19,22 +19,22 @@ from tests.proofs.test_family import DISK, SUBCRITICAL, first, quick, second  # 
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED
 from tippedisk_verify.proofs.kernel import certificates
 from tippedisk_verify.proofs.kernel.balls import ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h
 from tippedisk_verify.proofs.kernel.certificates import family as module
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcJob,
-    Piece,
+    ProvedArc,
     enclosed_omega_crit,
     last_cycle,
     verify,
-    verify_piece,
+    verify_arc,
 )
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 
 
 # ------------------------------------------------------------------------------------------- gluing
-def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
+def arcs_without_flights() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
     """A claim and arcs without flights, for what is shown of their ends: Omega falls by 1 in
     each, from Omega_crit.
     """
@@ -68,13 +68,13 @@ def arcs() -> tuple[dict[str, Any], list[dict[str, Any]], list[list[Fraction]]]:
     )
 
 
-def pieces(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[Piece]:
+def proved_arcs(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[ProvedArc]:
     made = []
     for arc, near in zip(entries, within, strict=False):
         v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
         room = [Fraction(text) for text in arc["wide box"]["radii"]]
         made.append(
-            Piece(low, Fraction(arc["end"]), (v, omega), (room[0], room[1]), (near[0], near[1]))
+            ProvedArc(low, Fraction(arc["end"]), (v, omega), (room[0], room[1]), (near[0], near[1]))
         )
         low = made[-1].high
     return made
@@ -82,11 +82,11 @@ def pieces(entries: Any, within: Any, low: Fraction = Fraction(0)) -> list[Piece
 
 def glued(claim: Any, entries: Any, within: Any) -> None:
     with working_precision(100):
-        verify(claim, {"arcs": entries}, lambda function, jobs: pieces(entries, within))
+        verify(claim, {"arcs": entries}, lambda function, jobs: proved_arcs(entries, within))
 
 
 def test_arcs_that_fit_are_one_curve() -> None:
-    glued(*arcs())
+    glued(*arcs_without_flights())
 
 
 def _moved(entries: Any, number: int, row: int, by: Fraction) -> None:
@@ -129,7 +129,7 @@ SPOILED_CLAIMS: dict[str, tuple[Callable[[Any, Any], Any], str]] = {
 
 @pytest.mark.parametrize("name", SPOILED_CLAIMS)
 def test_what_does_not_fit_is_not_shown(name) -> None:
-    claim, entries, within = copy.deepcopy(arcs())
+    claim, entries, within = copy.deepcopy(arcs_without_flights())
     SPOILED_CLAIMS[name][0](claim, entries)
     with pytest.raises(certificates.Unproved, match=SPOILED_CLAIMS[name][1]):
         glued(claim, entries, within)
@@ -142,10 +142,10 @@ def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
     The first arc's v_0 / a is near to 1/128, so v_0 is to 1/256 where a is 1/2: 0.094 off is within
     0.1.
     """
-    claim, entries, within = copy.deepcopy(arcs())
+    claim, entries, within = copy.deepcopy(arcs_without_flights())
     _moved(entries, 1, 0, Fraction("0.094"))
     glued(claim, entries, within)
-    claim, entries, within = copy.deepcopy(arcs())
+    claim, entries, within = copy.deepcopy(arcs_without_flights())
     _moved(entries, 1, row, Fraction(by))
     with pytest.raises(certificates.Unproved, match="one curve"):
         glued(claim, entries, within)
@@ -153,9 +153,9 @@ def test_a_cycle_that_may_lie_outside_is_not_joined(row: int, by: str) -> None:
 
 def test_the_last_cycle_is_a_ball() -> None:
     """About the polynomials' end, as wide as the arc's cycles are shown to be near."""
-    _, entries, within = arcs()
+    _, entries, within = arcs_without_flights()
     with working_precision(100):
-        omega, _, v = last_cycle(pieces(entries, within))
+        omega, _, v = last_cycle(proved_arcs(entries, within))
         for enclosure, row, radius in ((v, 0, Fraction(1, 128)), (omega, 1, Fraction(1, 64))):
             end = sum(Fraction(text) for text in entries[1]["curve"][row])
             assert enclosure.contains(ball(end - radius))
@@ -173,8 +173,8 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(
         asked.append((claim["numbers"]["omega_h"], claim["high"], evidence))
         return SimpleNamespace(contains_cycle=lambda *cycle: asked.append(cycle) or contains_cycle)
 
-    monkeypatch.setattr(connection_cycles, "verify", verified_end)
-    claim, entries, within = arcs()
+    monkeypatch.setattr(cycles_near_omega_h, "verify", verified_end)
+    claim, entries, within = arcs_without_flights()
     number = {"value": "30.05", "uncertainty": "0.001"}
     claim |= {
         "kind": "whole family of limit cycles",
@@ -191,11 +191,12 @@ def test_the_whole_family_runs_into_the_cycles_next_to_the_connection(
         verify(
             claim,
             {"arcs": entries, "end": "choices"},
-            lambda function, jobs: pieces(entries, within),
+            lambda function, jobs: proved_arcs(entries, within),
         )
     assert asked[0] == (number, "30.1", "choices")
     assert all(
-        a.overlaps(b) for a, b in zip(asked[1], last_cycle(pieces(entries, within)), strict=True)
+        a.overlaps(b)
+        for a, b in zip(asked[1], last_cycle(proved_arcs(entries, within)), strict=True)
     )
     said = certificates.sentence(claim)
     for words in (
@@ -226,18 +227,18 @@ def test_both_boxes_and_the_signs_are_shown(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setattr(module, "krawczyk_test_of_box", spied_test)
     monkeypatch.setattr(module, "first_unproved_sign", lambda arc: said.append("signs"))
     narrow, wide = {"radii": ["0.01", "0.02"], "steps": []}, {"radii": ["0.1", "0.2"], "steps": []}
-    piece = verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
+    arc = verify_arc((DISK, Fraction("0.5"), 2, ARC | {"box": narrow, "wide box": wide}))
     assert said == [[0.01, 0.02], "signs", [0.1, 0.2]]
-    assert piece.unique_within == (Fraction("0.1"), Fraction("0.2"))
+    assert arc.unique_within == (Fraction("0.1"), Fraction("0.2"))
     assert all(
         x <= near < x + Fraction(1, 10**9)
-        for x, near in zip((Fraction("1e-3"), Fraction("2e-3")), piece.within, strict=True)
+        for x, near in zip((Fraction("1e-3"), Fraction("2e-3")), arc.within, strict=True)
     )
     with pytest.raises(certificates.Unproved, match="does not hold the other one"):
-        verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": wide, "wide box": narrow}))
+        verify_arc((DISK, Fraction("0.5"), 2, ARC | {"box": wide, "wide box": narrow}))
     monkeypatch.setattr(Test, "included", False)
     with pytest.raises(certificates.Unproved, match="arc 2, box: Krawczyk"):
-        verify_piece((DISK, Fraction("0.5"), 2, ARC | {"box": narrow}))
+        verify_arc((DISK, Fraction("0.5"), 2, ARC | {"box": narrow}))
 
 
 @pytest.mark.parametrize(
@@ -258,12 +259,12 @@ def test_an_arc_that_is_none_is_not_shown(change) -> None:
         match=r"not above its beginning|unlike degrees|not "
         r"positive",
     ):
-        verify_piece((DISK, Fraction("0.5"), 2, arc))
+        verify_arc((DISK, Fraction("0.5"), 2, arc))
 
 
 def test_what_is_no_arc_is_refused() -> None:
     with pytest.raises(certificates.NotACertificate, match="arc 2"):
-        verify_piece((DISK, Fraction("0.5"), 2, ARC))
+        verify_arc((DISK, Fraction("0.5"), 2, ARC))
 
 
 # ------------------------------------------------------------------------------------- certificates
@@ -291,28 +292,26 @@ def test_a_certificate_is_accepted_and_what_is_tampered_with_is_not(quick) -> No
     proved = (first(PRINTED), second())
     proof = FamilyProof(PRINTED, proved)
     content = json.loads(proof.certificate())
-    shown: dict[int, Piece] = {}
+    shown: dict[int, ProvedArc] = {}
 
-    def mapped(function: Any, jobs: Sequence[ArcJob]) -> list[Piece]:
+    def mapped(function: Any, jobs: Sequence[ArcJob]) -> list[ProvedArc]:
         for job in jobs:
             shown[job[2]] = shown.get(job[2]) or function(job)
         return [shown[job[2]] for job in jobs]
 
     # The sentence is the one that was proved, word for word.
     assert certificates.verify_content(content, mapped) == proof.statement
-    for piece, again in zip(proved, shown.values(), strict=True):
-        assert all(a <= b for a, b in zip(again.within, piece.within, strict=True))
+    for arc, again in zip(proved, shown.values(), strict=True):
+        assert all(a <= b for a, b in zip(again.within, arc.within, strict=True))
     for spoil, said in IN_THE_ARC.values():
         arc = copy.deepcopy(content["evidence"]["arcs"][1])
         spoil(arc)
         with pytest.raises((certificates.Unproved, certificates.NotACertificate), match=said):
-            verify_piece((DISK, Fraction("0.1"), 2, arc))
+            verify_arc((DISK, Fraction("0.1"), 2, arc))
     assert first(SUBCRITICAL) is module.ArcStatus.SPEED_GROWS
     for other in (SUBCRITICAL, CALIBRATED):
         with pytest.raises(certificates.Unproved, match="arc 2"):
-            verify_piece(
-                (parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1])
-            )
+            verify_arc((parameter_texts(other), Fraction("0.1"), 2, content["evidence"]["arcs"][1]))
     content["claim"]["amplitude_end"] = "0.12"
     with pytest.raises(certificates.Unproved, match="digest"):
         certificates.verify_content(content, mapped)

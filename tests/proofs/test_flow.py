@@ -10,19 +10,23 @@ import pytest
 
 from tests.proofs.cases import flow_for
 from tippedisk_verify import PRINTED, QUADRUPLE, Request
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
-from tippedisk_verify.proofs.kernel.proved_flow import FlowStatus, Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, FlowStatus
 from tippedisk_verify.proofs.kernel.step import StepTrial
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 OMEGA = Fraction("30.3866")
 START = ("0", "1.69", "-1.71")
 
 
-def model() -> Model:
-    return model_for_disk(PRINTED, ball(OMEGA))
+def field() -> EnclosedField:
+    return field_for_disk(PRINTED, ball(OMEGA))
 
 
 def start() -> list:
@@ -42,11 +46,14 @@ def blow_up(ops, constants, omega):
 
 def test_a_rotation_and_its_derivatives() -> None:
     with working_precision(100):
-        flight = flow_for(
-            Model(ball_constants(PRINTED), ball("2"), rotation), [1, 0, 1], "1.3", derivatives=True
+        outcome = flow_for(
+            EnclosedField(ball_constants(PRINTED), ball("2"), rotation),
+            [1, 0, 1],
+            "1.3",
+            derivatives=True,
         )
-        assert flight.status is None
-        time = flight.path.time
+        assert outcome.status is None
+        time = outcome.flight.time
     with working_precision(200):
         angle, exact_time = ball("2.6"), ball("1.3")
         sine, cosine, decay = angle.sin(), angle.cos(), (-3 * exact_time).exp()
@@ -57,14 +64,14 @@ def test_a_rotation_and_its_derivatives() -> None:
             (0, 0, decay, 0),
         )
         assert time.contains(exact_time)
-        for mine, true in zip(flight.path.box, expected, strict=True):
+        for mine, true in zip(outcome.flight.box, expected, strict=True):
             assert mine.contains(true)
             assert mine.rad() < 2.0**-90
-        for row, true_row in zip(flight.path.derivatives, matrix, strict=True):
+        for row, true_row in zip(outcome.flight.derivatives, matrix, strict=True):
             for mine, true in zip(row, true_row, strict=True):
                 assert mine.contains(true)
                 assert mine.rad() < 2.0**-85
-        assert flight.path.divergence.contains(-3 * exact_time)
+        assert outcome.flight.divergence.contains(-3 * exact_time)
 
 
 def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
@@ -74,14 +81,14 @@ def test_a_step_beyond_the_singularity_fails_the_inclusion_itself() -> None:
     lengths, shown = [0.03, 0.5, 0.5625, -0.03], [True, False, False, False]
     with working_precision(60):
         constants = ball_constants(PRINTED)
-        path = Model(constants, ball(1), blow_up).path([2, 1, 1], FlightStepSearch())
-        trial = StepTrial(path, (18, 16))
+        flight = EnclosedField(constants, ball(1), blow_up).flight([2, 1, 1], FlightStepSearch())
+        trial = StepTrial(flight, (18, 16))
         assert [trial.tested_step(length).included for length in lengths] == shown
-        array_model = Model(
+        array_field = EnclosedField(
             type(constants)(*(BallArray.of([x]) for x in constants)), BallArray([1.0] * 4), blow_up
         )
         start = [BallArray([part] * 4) for part in (2.0, 1.0, 1.0)]
-        trial = StepTrial(array_model.path(start, FlightStepSearch()), (18, 16))
+        trial = StepTrial(array_field.flight(start, FlightStepSearch()), (18, 16))
         assert list(trial.tested_step(BallArray(lengths)).included) == shown
 
 
@@ -111,11 +118,11 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
     )
     ordinary = taylor(request)
     with working_precision(80):
-        flight = flow_for(
-            model_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
+        outcome = flow_for(
+            field_for_disk(disk, ball(OMEGA)), map(ball, start), span, derivatives=True
         )
-        found = (flight.path.box, *flight.path.derivatives, [flight.path.divergence])
-    assert (flight.status, flight.upright) == (None, True)
+        found = (outcome.flight.box, *outcome.flight.derivatives, [outcome.flight.divergence])
+    assert (outcome.status, outcome.upright) == (None, True)
     for row, others in zip(
         found,
         (ordinary.state, *ordinary.derivatives, [ordinary.divergence]),
@@ -129,38 +136,38 @@ def test_it_holds_the_end_that_the_integrator_finds(taylor, disk, start, span) -
 
 def test_the_enclosure_holds_the_orbit_throughout_each_step() -> None:
     with working_precision(64):
-        path = model().path(start(), FlightStepSearch())
-        while path.time < arb(0.1):
-            step = path.step()
+        flight = field().flight(start(), FlightStepSearch())
+        while flight.time < arb(0.1):
+            step = flight.step()
             for share in (0, 0.3, 0.7, 1):
                 state = step.states_at(ball(share * step.length))
                 assert all(
                     whole.contains(part) for whole, part in zip(step.enclosure, state, strict=True)
                 )
-            path.take_step(step)
+            flight.take_step(step)
 
 
 # ----------------------------------------------------------------------------- ends without a proof
 def test_wide_boxes_and_few_bits_end_with_a_status() -> None:
     with working_precision(64):
         wide = [part + arb(0, "0.05") for part in start()]
-        assert flow_for(model(), wide, "0.5").status in (
+        assert flow_for(field(), wide, "0.5").status in (
             FlowStatus.TOO_WIDE,
             FlowStatus.NO_ENCLOSURE,
         )
         assert (
-            flow_for(model(), [part + arb(0, 1) for part in start()], "0.5").status
+            flow_for(field(), [part + arb(0, 1) for part in start()], "0.5").status
             is FlowStatus.TOO_WIDE
         )
         for strange in (arb("nan"), arb("inf"), arb(0, "inf")):
-            flight = flow_for(model(), [0, strange, -1], "0.1")
-            assert flight.status is FlowStatus.NO_ENCLOSURE
-            assert flight.path.step_count == 0
+            outcome = flow_for(field(), [0, strange, -1], "0.1")
+            assert outcome.status is FlowStatus.NO_ENCLOSURE
+            assert outcome.flight.step_count == 0
         assert (
-            flow_for(Model(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
+            flow_for(EnclosedField(ball_constants(PRINTED), arb("nan")), start(), "0.1").status
             is FlowStatus.NO_ENCLOSURE
         )
     with working_precision(24):
-        short = flow_for(model(), start(), "0.5")
+        short = flow_for(field(), start(), "0.5")
         # Twenty-four bits hold seven digits.
-        assert short.status is not None or max(part.rad() for part in short.path.box) > 1e-6
+        assert short.status is not None or max(part.rad() for part in short.flight.box) > 1e-6

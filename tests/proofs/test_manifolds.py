@@ -15,6 +15,7 @@ from tests.proofs.cases import in_precision
 from tippedisk_verify.model.equations import shifted_ops, vector_field
 from tippedisk_verify.model.parameters import CALIBRATED, PRINTED, Parameters
 from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.proofs.ball_conversions import ball_constants
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
     Unproved,
@@ -32,13 +33,12 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_isolating_block,
     verify_unstable_cone,
 )
-from tippedisk_verify.proofs.numbers import ball_constants
 from tippedisk_verify.proofs.search.connection_proof import (
     eigenvectors,
     invariant_curve_series,
     smallest_weights,
 )
-from tippedisk_verify.proofs.search.proof import parameter_texts
+from tippedisk_verify.proofs.search.proof_search import parameter_texts
 from tippedisk_verify.theory.power_series import PowerSeries
 from tippedisk_verify.theory.saddle_manifolds import Saddle as Series
 

@@ -12,18 +12,22 @@ import pytest
 
 from tests.proofs.cases import NUMBERS, flow_for, half_flight, in_precision
 from tippedisk_verify import PRINTED, Parameters, reference
+from tippedisk_verify.proofs.ball_conversions import (
+    ball_constants,
+    ball_to_measured,
+    field_for_disk,
+)
 from tippedisk_verify.proofs.kernel import sliding
 from tippedisk_verify.proofs.kernel.balls import arb, ball, positive
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, FlowStatus
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.vector_field import sliding_motion
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, model_for_disk
 from tippedisk_verify.proofs.search.connection_proof import (
     ConnectionProof,
     prove_connection,
 )
 from tippedisk_verify.proofs.search.cycle_proof import prove_cycle
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 SMOOTH = PRINTED.with_friction("smooth")
 OMEGA = Fraction("30.386592688644")
@@ -62,59 +66,59 @@ LATER = "0.08"  # s
 def test_reversals_are_counted_and_the_sign_between_them_is_known(
     start: Any, span: str, reversals: int
 ) -> None:
-    path = model_for_disk(SMOOTH, ball(OMEGA)).path(
+    flight = field_for_disk(SMOOTH, ball(OMEGA)).flight(
         [ball(part) for part in start], FlightStepSearch()
     )
-    crossings, before = 0, path.side
-    while path.time < ball(span):
-        step = path.step()
+    crossings, before = 0, flight.side
+    while flight.time < ball(span):
+        step = flight.step()
         crossings += isinstance(step, SlidingReversalStep)
-        path.take_step(step)
-        assert positive(path.side * gamma_y(ball_constants(SMOOTH), ball(OMEGA), path.box))
-    assert (path.reversals, before, path.side) == (reversals, -1, 1 if reversals == 1 else -1)
+        flight.take_step(step)
+        assert positive(flight.side * gamma_y(ball_constants(SMOOTH), ball(OMEGA), flight.box))
+    assert (flight.reversals, before, flight.side) == (reversals, -1, 1 if reversals == 1 else -1)
     assert crossings == min(reversals, 1) or reversals == 2
 
 
 def test_a_box_that_holds_a_grazing_orbit_is_not_followed() -> None:
     start = [*map(ball, GRAZING[:2]), ball(GRAZING[2]) + arb(0, "0.001")]
-    flight = flow_for(model_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
-    assert flight.status is FlowStatus.GRAZING
-    assert flight.path.time < ball(LATER)
+    outcome = flow_for(field_for_disk(SMOOTH, ball(OMEGA)), start, LATER)
+    assert outcome.status is FlowStatus.GRAZING
+    assert outcome.flight.time < ball(LATER)
 
 
 def test_a_start_on_both_sides_is_not_followed() -> None:
     """On the section gamma_y = 0 where rho v = -e Omega sin(gamma_bar)."""
-    model = model_for_disk(SMOOTH, ball(OMEGA))
+    field = field_for_disk(SMOOTH, ball(OMEGA))
     gamma = ball("1.7")
-    constants = model.constants
+    constants = field.constants
     v = -constants.e * ball(OMEGA) * gamma.sin() / (constants.r + constants.e * gamma.cos())
     with pytest.raises(FlightStopped) as stopped:
-        half_flight(model, gamma, v)
+        half_flight(field, gamma, v)
     assert stopped.value.status is FlowStatus.GRAZING
 
 
 def test_a_moment_in_doubt_has_no_derivatives() -> None:
     start = [ball(part) + arb(0, "1e-6") for part in START]
-    path = model_for_disk(SMOOTH, ball(OMEGA)).path(start, FlightStepSearch(), derivatives=True)
-    step = path.step()
+    flight = field_for_disk(SMOOTH, ball(OMEGA)).flight(start, FlightStepSearch(), derivatives=True)
+    step = flight.step()
     while not isinstance(step, SlidingReversalStep):
-        path.take_step(step)
-        step = path.step()
+        flight.take_step(step)
+        step = flight.step()
     doubtful = step.reversal_time.mid()
     assert not any(entry.is_finite() for row in step.step_derivatives_at(doubtful) for entry in row)
     assert not step.divergence_at(doubtful).is_finite()
     assert step.states_at(doubtful) == step.enclosure
-    path.take_step(step, doubtful)
-    assert not any(part.is_finite() for part in path.box)
+    flight.take_step(step, doubtful)
+    assert not any(part.is_finite() for part in flight.box)
 
 
 # ------------------------------------------------------------------------------------- limit cycles
 def test_the_reference_cycle_returns_to_its_start() -> None:
     truth = {name: reference(f"{PLACE}/{name}").measured() for name in NUMBERS[:4]}
     start = truth["gamma_bar_0"], truth["v_0"]
-    flight = half_flight(model_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
-    assert flight.reversals == 3
-    held = [*flight.image, 2 * flight.time, -flight.beta_least]
+    image = half_flight(field_for_disk(SMOOTH, ball(OMEGA)), *(ball(part.value) for part in start))
+    assert image.reversals == 3
+    held = [*image.image, 2 * image.time, -image.beta_least]
     for mine, other in zip(held, (*start, truth["period"], truth["beta_max"]), strict=True):
         assert ball_to_measured(mine).holds(other.value)
         # The flight multiplies the roundings of 100 bits by some thousands.

@@ -13,6 +13,7 @@ import pytest
 
 from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
 from tippedisk_verify.model.parameters import PRINTED, SYMBOLS, Parameters
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel import jets
 from tippedisk_verify.proofs.kernel.balls import (
     BallOps,
@@ -22,7 +23,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     inside,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Graph, System
 from tippedisk_verify.proofs.kernel.vector_field import (
@@ -31,7 +32,6 @@ from tippedisk_verify.proofs.kernel.vector_field import (
     sliding_motion,
 )
 from tippedisk_verify.proofs.kernel.vector_field import vector_field as kernel_field
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 LAWS = (
     ("linear", "linear", None),
@@ -74,10 +74,10 @@ def test_rates_and_derivatives_at_random_points_of_random_disks() -> None:
                 if law == "smooth":
                     continue
                 unit = [arb(int(row == column)) for column in range(4) for row in range(3)]
-                model = Model(mine, speed, one_sided_vector_field(law) if side else None)
+                field = EnclosedField(mine, speed, one_sided_vector_field(law) if side else None)
                 columns = [
                     part[1]
-                    for part in model.variational_system.coefficients([*state, *unit], 1)[3:]
+                    for part in field.variational_system.coefficients([*state, *unit], 1)[3:]
                 ]
                 rows = jacobian(shifted_ops(BallOps), theirs, speed, friction, side)(*state)
                 assert all(

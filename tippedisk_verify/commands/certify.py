@@ -189,9 +189,7 @@ def branch(
 
         save(draw_proved_family(proof), folder, "proved_family")
     entries = proof.to_dict()
-    shown = {
-        name: len(proof.pieces) if name == "arcs" else entry for name, entry in entries.items()
-    }
+    shown = {name: len(proof.arcs) if name == "arcs" else entry for name, entry in entries.items()}
     common.show(entries, result_lines(shown))
     return 0 if proof.proved else 1
 

@@ -10,7 +10,7 @@ import numpy
 
 from tippedisk_verify.figures.style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, figure_with_axes
 from tippedisk_verify.proofs.closed_forms import measured_omega_crit
-from tippedisk_verify.proofs.kernel.certificates.family import Piece
+from tippedisk_verify.proofs.kernel.certificates.family import ProvedArc
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = ["draw_proved_family"]
@@ -37,19 +37,19 @@ def draw_proved_family(proof: FamilyProof) -> Any:
     return figure
 
 
-def _arcs(proof: FamilyProof) -> list[tuple[Piece, str, Any, Any]]:
-    """Return each proved piece of the family with its colour, amplitudes [rad] and speeds [rad/s],
+def _arcs(proof: FamilyProof) -> list[tuple[ProvedArc, str, Any, Any]]:
+    """Return each proved arc of the family with its colour, amplitudes [rad] and speeds [rad/s],
     for the plots.
     """
     arcs = []
-    for count, piece in enumerate(proof.pieces):
-        a = numpy.linspace(float(piece.low), float(piece.high), _POINTS)
+    for count, arc in enumerate(proof.arcs):
+        a = numpy.linspace(float(arc.low), float(arc.high), _POINTS)
         arcs.append(
             (
-                piece,
+                arc,
                 (BLUE, ORANGE)[count % 2],
                 a,
-                numpy.array([float(piece.at(Fraction(x))[1]) for x in a]),
+                numpy.array([float(arc.at(Fraction(x))[1]) for x in a]),
             )
         )
     return arcs
@@ -83,20 +83,19 @@ def _draw_family(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> 
         xytext=(4, -3),
         textcoords="offset points",
     )
-    axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.pieces)} arcs")
+    axis.set(xlabel=_SPEED, ylabel=_AMPLITUDE, title=f"The family, {len(proof.arcs)} arcs")
     axis.ticklabel_format(useOffset=False)
 
 
 def _draw_widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
-    edges = [float(piece.low) for piece in proof.pieces] + [float(proof.pieces[-1].high)]
+    edges = [float(arc.low) for arc in proof.arcs] + [float(proof.arcs[-1].high)]
     for rows, style, manner in (
         ("unique_within", "-", "no other cycle within"),
         ("within", ":", "enclosed within"),
     ):
         for index, unit, colour in ((1, _SPEED, BLUE), (0, r"$v_0$ [rad/s]", RED)):
             sizes = [
-                float(piece.scaled_to(piece.high, getattr(piece, rows))[index])
-                for piece in proof.pieces
+                float(arc.scaled_to(arc.high, getattr(arc, rows))[index]) for arc in proof.arcs
             ]
             axis.stairs(
                 sizes,
@@ -115,8 +114,8 @@ def _draw_widths(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> 
 
 
 def _draw_hopf_end(axis: Any, proof: FamilyProof, crit: float, omega_h: float) -> None:
-    for piece, colour, a, omega in _arcs(proof)[:2]:
-        off = float(piece.unique_within[1])
+    for arc, colour, a, omega in _arcs(proof)[:2]:
+        off = float(arc.unique_within[1])
         axis.fill_between(a, omega - off, omega + off, color=colour, alpha=0.3, lw=0)
         axis.plot(a, omega, color=colour, lw=1.2)
     axis.axhline(crit, color=GREY, lw=0.9)
@@ -140,11 +139,11 @@ def _draw_connection_end(axis: Any, proof: FamilyProof, crit: float, omega_h: fl
         axis.set_axis_off()
         return
     if proof.heteroclinic_closed and proof.near_omega_h is not None:
-        reach = float(proof.near_omega_h.high) - omega_h
+        distance = float(proof.near_omega_h.high) - omega_h
         axis.fill_between(
             [_MIN_DISTANCE, float(proof.near_omega_h.gamma)],
             _MIN_DISTANCE / 10,
-            reach,
+            distance,
             color=GREEN,
             alpha=0.4,
             lw=0,

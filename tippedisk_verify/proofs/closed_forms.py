@@ -46,6 +46,7 @@ from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.kernel.balls import (
     ball,
     coefficient,
@@ -55,7 +56,6 @@ from tippedisk_verify.proofs.kernel.balls import (
     series_length,
     working_precision,
 )
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
 
 __all__ = [
     "Criticality",
@@ -382,8 +382,9 @@ def _check_coefficients() -> None:
     constants = Constants(
         r, e, 1, a, None, 1, g, None, epsilon, a, ring.constant(1), k, k * epsilon
     )
-    for around, reach, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
-        expected = (k * reach**2, omega**2 - g * reach, sign * k * e * reach * omega**2)
+    # The heights of the centre of gravity
+    for around, height, sign in ((INVERTED, r + e, 1), (NONINVERTED, r - e, -1)):
+        expected = (k * height**2, omega**2 - g * height, sign * k * e * height * omega**2)
         linear = linearization(constants, omega, around)
         smooth = [linearization(constants, omega, around, "smooth", side) for side in (1, -1)]
         if characteristic_polynomial(constants, omega, around) != expected or smooth != [

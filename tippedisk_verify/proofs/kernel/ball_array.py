@@ -348,8 +348,8 @@ class BallArray:
         """
         b = _operand(other)
         middle = 0.5 * self._mid + 0.5 * b._mid
-        reach = np.abs(self._mid - middle) + self._rad
-        return _with_rounding(middle, np.maximum(reach, np.abs(b._mid - middle) + b._rad))
+        farthest = np.abs(self._mid - middle) + self._rad
+        return _with_rounding(middle, np.maximum(farthest, np.abs(b._mid - middle) + b._rad))
 
     def positive(self) -> NDArray[np.bool_]:
         """Return a mask that is True for balls whose numbers are all positive.
@@ -369,11 +369,11 @@ class BallArray:
         It is False where either ball is infinite.
         """
         b = _operand(other)
-        reach = np.abs(self._mid - b._mid)
-        reach += self._rad
-        reach *= _RADIUS_FACTOR
-        reach += _UNDERFLOW_ALLOWANCE
-        return cast(NDArray[np.bool_], (reach < b._rad) & b.is_finite())
+        farthest = np.abs(self._mid - b._mid)
+        farthest += self._rad
+        farthest *= _RADIUS_FACTOR
+        farthest += _UNDERFLOW_ALLOWANCE
+        return cast(NDArray[np.bool_], (farthest < b._rad) & b.is_finite())
 
 
 def _doubles(values: Any) -> Array:

@@ -4,7 +4,7 @@ A set is  middle + linear_part d + axes q  for all d and q of two boxes. The dev
 and speed from their midpoints is the same at all times. A term linear in d is never wrapped into a
 box (R. J. Lohner's doubleton; Mrozek and Zgliczynski, Ann. Polon. Math. 74, 2000). The box of q
 holds the rest, which is quadratic in d but for rounding. Its axes are chosen to follow the flow
-(Lohner's QR method; `search.steps`).
+(Lohner's QR method; `search.step_search`).
 
 ``middle``, ``linear_part`` and ``axes`` are points, so nothing is rounded in them. A map with
 enclosed derivatives M over the set takes it to

@@ -89,7 +89,7 @@ from tippedisk_verify.proofs.kernel.certificate_format import nearby_double
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
 from tippedisk_verify.proofs.kernel.jets import Jet, symmetric_hull
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
 from tippedisk_verify.proofs.kernel.small_matrices import (
     Matrix,
     inverse_of_order_2,
@@ -101,9 +101,9 @@ from tippedisk_verify.proofs.kernel.vector_field import FieldConstants
 __all__ = [
     "SERIES_ORDERS",
     "UNKNOWN_INDICES",
-    "Arc",
+    "ArcTest",
     "Curve",
-    "CurvePath",
+    "CurveFlight",
     "CurveReplay",
     "HalfMapEnclosure",
     "beta_extremes",
@@ -134,7 +134,9 @@ class Curve:
     parameter_columns: ClassVar[tuple[int, ...]] = (
         2,
     )  #: the indices of the numbers in the equations
-    model_class: ClassVar[Any] = Model  #: called with the constants and `equation_parameters`
+    field_class: ClassVar[Any] = (
+        EnclosedField  #: called with the constants and `equation_parameters`
+    )
 
     @property
     def start(self) -> tuple[Jet, Jet]:
@@ -192,13 +194,13 @@ class CurveReplay:
     def __init__(self, log: Sequence[Mapping[str, Any]]) -> None:
         self.log, self.number = log, 0
 
-    def next_step(self, path: CurvePath, max_length: Any) -> Step:
+    def next_step(self, flight: CurveFlight, max_length: Any) -> Step:
         require(
             self.number < len(self.log), "the return is not reached: there are no further steps"
         )
         self.number += 1
         share = nearby_double(self.log[self.number - 1]["share"])
-        return StepTrial(path, SERIES_ORDERS).tested_step((path.duration * share).mid())
+        return StepTrial(flight, SERIES_ORDERS).tested_step((flight.duration * share).mid())
 
     def new_axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Matrix:
         log = self.log[self.number - 1]
@@ -212,31 +214,29 @@ class CurveReplay:
         )
 
 
-class _CurveModel:
-    """The equations of motion at the speeds of a curve of starts, for each s and over all s at
-    once.
-    """
+class _CurveField:
+    """The vector field at the speeds of a curve of starts, for each s and over all s at once."""
 
     def __init__(self, constants: FieldConstants, curve: Curve) -> None:
-        self.midpoint_system = curve.model_class(
+        self.midpoint_system = curve.field_class(
             constants, *curve.equation_parameters
         ).system_at_speed(curve.omega)
-        short_model = curve.model_class(
+        short_field = curve.field_class(
             constants, *map(truncated_for_derivatives, curve.equation_parameters)
         )
         self.rates, self.variational_system_with_divergence = (
-            short_model.rates,
-            short_model.variational_system_with_divergence,
+            short_field.rates,
+            short_field.variational_system_with_divergence,
         )
-        self.remainder_model = curve.model_class(
+        self.remainder_field = curve.field_class(
             constants, *map(range_of, curve.equation_parameters)
         )
-        self.remainder_model.midpoint_system = self.remainder_model.system_at_speed(
-            self.remainder_model.omega
+        self.remainder_field.midpoint_system = self.remainder_field.system_at_speed(
+            self.remainder_field.omega
         )
 
 
-class CurvePath(Path):
+class CurveFlight(EnclosedFlight):
     """The flight of all orbits that start on a curve or in the box of deviations about it.
 
     For each parameter s of the curve the steps have lengths of their own.
@@ -244,21 +244,21 @@ class CurvePath(Path):
 
     def __init__(self, constants: FieldConstants, curve: Curve, proposer: Any) -> None:
         zero = 0 * curve.v.mid()
-        zero_ball, short_model = zero.coefficients[0], truncated_for_derivatives(zero)
+        zero_ball, short_zero = zero.coefficients[0], truncated_for_derivatives(zero)
         states = Doubleton([zero, *curve.start], curve.omega)
         states.deviation, states.parameter_columns = [*curve.deviation], curve.parameter_columns
         states.linear_part = [
-            [short_model] * 3,
-            *([short_model + entry for entry in row] for row in curve.start_derivative),
+            [short_zero] * 3,
+            *([short_zero + entry for entry in row] for row in curve.start_derivative),
         ]
         states.axes = [[zero_ball + int(i == j) for j in range(3)] for i in range(3)]
         states.remainder = states.middle_remainder = [zero_ball] * 3
         states.remainder_derivatives = [[zero_ball] * 3 for _ in range(3)]
-        super().__init__(_CurveModel(constants, curve), states, proposer, derivatives=True)
+        super().__init__(_CurveField(constants, curve), states, proposer, derivatives=True)
         self.duration = curve.duration
 
     def _stopping_status(self) -> None:
-        """Return None: this path never ends because its boxes are wide.
+        """Return None: this flight never ends because its boxes are wide.
 
         Boxes over a whole curve are wide, but the parameter s tells where in them an orbit is.
         """
@@ -296,12 +296,12 @@ def enclose_half_map(constants: FieldConstants, curve: Curve, proposer: Any) -> 
     ``proposer`` is a `proved_flow.StepProposer` whose steps are shares of the curve's ``duration``.
     Raises Unproved, with the number of the step that fails.
     """
-    path = CurvePath(constants, curve, proposer)
-    require(negative(path.box[2].range()), "v is not shown to be negative at the start")
+    flight = CurveFlight(constants, curve, proposer)
+    require(negative(flight.box[2].range()), "v is not shown to be negative at the start")
     least, turning_steps = 0 * curve.duration.coefficients[0], []
     try:
         while True:
-            step = path.step()
+            step = flight.step()
             beta_bar, _, v = step.enclosure
             require(inside(beta_bar, arb(0, BELOW_HALF_PI)), "beta is not shown to stay upright")
             passed = positive(step.states_at_end()[0].range())
@@ -314,27 +314,27 @@ def enclose_half_map(constants: FieldConstants, curve: Curve, proposer: Any) -> 
                 turning_steps.append(step)
             if passed:
                 proposer.record_step(step, None)
-                return _enclosed_return(path, step, least, turning_steps)
-            path.take_step(step)
+                return _enclosed_return(flight, step, least, turning_steps)
+            flight.take_step(step)
     except Unproved as fault:
-        raise Unproved(f"step {path.step_count + 1}: {fault}") from None
+        raise Unproved(f"step {flight.step_count + 1}: {fault}") from None
 
 
 def _enclosed_return(
-    path: CurvePath, step: Step, least: Any, turning_steps: Sequence[Step]
+    flight: CurveFlight, step: Step, least: Any, turning_steps: Sequence[Step]
 ) -> HalfMapEnclosure:
     """Return the proved properties of a flight whose orbits return to the section in its last step.
 
     The return is enclosed within that step.
 
     Args:
-        path: The flight up to the last step.
+        flight: The flight up to the last step.
         step: The last step.
         least: A ball whose lowest number is a lower bound of beta_bar so far.
         turning_steps: The steps that hold all moments with v = 0.
     """
     states, length = step.state_set, step.length
-    tau = (path.duration - path.time).mid()
+    tau = (flight.duration - flight.time).mid()
     centre, rows = step.midpoint_orbit_at(tau), step.step_derivatives_at(tau)
     beta = states.image(centre, rows)[0]
     early = tau + symmetric_hull(beta.range() / step.enclosure[2])
@@ -350,23 +350,23 @@ def _enclosed_return(
         truncated_for_derivatives, states.image(step.midpoint_orbit_at(moment), rows)
     )
     require(positive(v.range()), "v is not shown to be positive at the return")
-    acceleration = path.model.rates((0 * v, gamma_bar, v))[2]
+    acceleration = flight.field.rates((0 * v, gamma_bar, v))[2]
     by_start = states.derivatives_after_map(rows)
     time_by = [-entry / v for entry in by_start[0]]
     v_row = [-(entry + acceleration * t) for entry, t in zip(by_start[2], time_by, strict=True)]
     return HalfMapEnclosure(
         (-own[1], -own[2]),
-        own_moment + path.time,
+        own_moment + flight.time,
         ([-entry for entry in by_start[1]], v_row),
         time_by,
-        path.divergence + step.divergence_at(moment),
+        flight.divergence + step.divergence_at(moment),
         least,
         turning_steps,
     )
 
 
 @dataclass(frozen=True)
-class Arc:
+class ArcTest:
     """The result of Krawczyk's test of a curve of approximate limit cycles with the parameter s.
 
     If ``included``, there is exactly one cycle in the box for each s.
@@ -374,21 +374,21 @@ class Arc:
 
     included: bool
     curve: Curve  #: m(s) and r
-    flight: HalfMapEnclosure
+    half_map: HalfMapEnclosure
     shift: Sequence[Any]  #: K(s) - m(s) for all s: balls of the two unknowns
     slopes: Sequence[Jet]  #: d(the two unknowns)/d(parameter)
     determinant: Jet  #: of d(equations)/d(unknowns)
 
     def period_slope(self) -> Jet:
         """Return an enclosure of dT/d(gamma_bar_0), with T the cycle's period, for each s."""
-        by = self.flight.time_by_start
+        by = self.half_map.time_by_start
         return 2 * (by[0] + by[1] * self.slopes[0] + by[2] * self.slopes[1])
 
     def trace(self) -> Jet:
         """Return the trace of the half map's derivative with respect to (gamma_bar, v) at the arc's
         cycles, as a jet in s.
         """
-        return self.curve.trace(self.flight.image_by_start)
+        return self.curve.trace(self.half_map.image_by_start)
 
     def stable(self) -> bool | None:
         """Return True if all limit cycles of the arc are proved asymptotically stable, False if all
@@ -396,7 +396,7 @@ class Arc:
 
         For scaled states True means all cycles except the equilibrium at the Hopf point.
         """
-        trace, contraction = self.trace().range(), self.flight.divergence.range().exp()
+        trace, contraction = self.trace().range(), self.half_map.divergence.range().exp()
         below = (self.slopes[1] * self.determinant).range()
         if positive(below) and positive(1 + trace - contraction):
             return True
@@ -424,14 +424,14 @@ class Arc:
         """Return True if beta_max is shown to grow with the amplitude gamma_bar_0 all along the
         arc, except at the Hopf point.
         """
-        for beta_bar, row in chain.from_iterable(map(beta_extremes, self.flight.turning_steps)):
+        for beta_bar, row in chain.from_iterable(map(beta_extremes, self.half_map.turning_steps)):
             slope = row[0] + row[1] * self.slopes[0] + row[2] * self.slopes[1]
             if not negative(self.curve.amplitude_slope(beta_bar, slope).range()):
                 return False
-        return bool(self.flight.turning_steps)
+        return bool(self.half_map.turning_steps)
 
 
-def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any) -> Arc:
+def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any) -> ArcTest:
     """Test by Krawczyk's operator if one limit cycle lies in the box about each point of a curve.
 
     The curve consists of starts and speeds with a parameter s; all s are tested at once.
@@ -447,12 +447,12 @@ def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any)
     Raises:
         Unproved: If the flight fails.
     """
-    flight = enclose_half_map(constants, curve, proposer)
+    half_map = enclose_half_map(constants, curve, proposer)
     radii = [curve.deviation[k] for k in UNKNOWN_INDICES]
-    value = [after - before for after, before in zip(flight.image, curve.start, strict=True)]
+    value = [after - before for after, before in zip(half_map.image, curve.start, strict=True)]
     jacobian = [
         [entry - own for entry, own in zip(*rows, strict=True)]
-        for rows in zip(flight.image_by_start, curve.start_derivative, strict=True)
+        for rows in zip(half_map.image_by_start, curve.start_derivative, strict=True)
     ]
     by_unknowns = [[row[k] for k in UNKNOWN_INDICES] for row in jacobian]
     preconditioner = midpoint_inverse(by_unknowns)
@@ -473,4 +473,4 @@ def krawczyk_test_of_arc(constants: FieldConstants, curve: Curve, proposer: Any)
         -(row[0] * jacobian[0][0] + row[1] * jacobian[1][0])
         for row in inverse_of_order_2(by_unknowns)
     ]
-    return Arc(included, curve, flight, shift, slopes, a * d - b * c)
+    return ArcTest(included, curve, half_map, shift, slopes, a * d - b * c)

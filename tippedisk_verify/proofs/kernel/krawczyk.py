@@ -31,8 +31,8 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
     PoincareSection,
     enclose_poincare_map,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped, Path, StepProposer
-from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight, FlightStopped, StepProposer
+from tippedisk_verify.proofs.kernel.sliding import field_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 from tippedisk_verify.proofs.kernel.vector_field import field_constants
@@ -110,11 +110,11 @@ def krawczyk_test(
     numbers, friction = field_constants(setting["parameters"]), setting["friction"]
     if centre is None:
         centre = enclose_poincare_map(
-            model_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
+            field_for_friction(friction, numbers, middle[2]), section, middle[:2], proposers[0]
         )
     whole = [point + part for point, part in zip(middle, deviations, strict=True)]
     box = enclose_poincare_map(
-        model_for_friction(friction, numbers, whole[2]),
+        field_for_friction(friction, numbers, whole[2]),
         section,
         whole[:2],
         proposers[1],
@@ -201,7 +201,7 @@ class StepReplay:
         self._is_pending = False  # True while the latest proposed step has not been taken
         self._recorded_parts: Iterator[Any] = iter(())
 
-    def next_step(self, path: Path, max_length: float | None) -> Step | None:
+    def next_step(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
         require(
             not self._is_pending,
             f"{self._step_name()}: its signs are not shown, or it may touch gamma_y = 0",
@@ -209,9 +209,9 @@ class StepReplay:
         require(self.number < len(self.log), f"{self.name}: its steps end before the flight does")
         self.number, self._is_pending = self.number + 1, True
         self._recorded_parts = iter(self.log[self.number - 1]["steps"])
-        return self.next_recorded_step(path)
+        return self.next_recorded_step(flight)
 
-    def next_recorded_step(self, path: Path) -> Step | None:
+    def next_recorded_step(self, flight: EnclosedFlight) -> Step | None:
         """Return the next step that the log's current entry records, after testing it. Return None
         if the entry has no more steps.
         """
@@ -219,7 +219,7 @@ class StepReplay:
         if part is None:
             return None
         length, orders = part
-        step = StepTrial(path, orders).tested_step(length)
+        step = StepTrial(flight, orders).tested_step(length)
         require(
             step.included,
             f"{self._step_name()}: the states and derivatives over it are not shown to "
@@ -228,7 +228,7 @@ class StepReplay:
         return step
 
     def after_reversal(self) -> Any:
-        return SimpleNamespace(next_step=lambda path, max_length: self.next_recorded_step(path))
+        return SimpleNamespace(next_step=lambda flight, max_length: self.next_recorded_step(flight))
 
     def new_axes(self, moved_axes: Any, sizes: Any, stiffness: Any) -> Any:
         return self.log[self.number - 1]["axes"]
@@ -258,7 +258,7 @@ def replayed_test(
     ``name`` begins the messages. Raises Unproved if the test fails, or if a part of the logs is not
     used.
     """
-    flights = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
+    replays = StepReplay(log, f"{name}, centre"), StepReplay(box["flight"], f"{name}, box")
     try:
         fixed = krawczyk_test(
             setting,
@@ -266,13 +266,13 @@ def replayed_test(
             middle,
             deviations,
             unknown_indices,
-            flights,
+            replays,
             lambda matrix: box["inverse"],
             centre,
         )
     except FlightStopped as fault:
         raise Unproved(f"{name}: at {fault}") from None
-    for flight in flights if centre is None else flights[1:]:
-        require(flight.number == len(flight.log), f"{flight.name}: it has unused steps")
+    for replay in replays if centre is None else replays[1:]:
+        require(replay.number == len(replay.log), f"{replay.name}: it has unused steps")
     require(fixed.included, f"{name}: Krawczyk's image is not shown to lie inside the box")
     return fixed

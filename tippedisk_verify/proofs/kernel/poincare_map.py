@@ -12,7 +12,7 @@ ends:
 - *rising*: v > 0 throughout, or v' > 0 throughout and v > 0 at the start. If beta_bar < 0 at the
   end, the section is not reached. If beta_bar > 0 there, it is crossed exactly once, with v > 0.
 
-A path that falls, turns once and rises has beta_bar < 0 between the two sections.
+An orbit that falls, turns once and rises has beta_bar < 0 between the two sections.
 
 The turn map (`ROTATING_SECTION`)
 ---------------------
@@ -37,9 +37,9 @@ from typing import Any, NamedTuple
 
 from tippedisk_verify.proofs.kernel.balls import arb, converted_like, inside, negative, positive
 from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedField,
     FlightStopped,
     FlowStatus,
-    Model,
     StepProposer,
 )
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
@@ -111,7 +111,7 @@ class PoincareImage:
 
 
 def enclose_poincare_map(
-    model: Model,
+    field: EnclosedField,
     section: PoincareSection,
     box: Sequence[Any],
     proposer: StepProposer,
@@ -123,7 +123,7 @@ def enclose_poincare_map(
     coordinates.
 
     Args:
-        model: The equations of motion.
+        field: The vector field of the motion.
         section: The section.
         box: Balls of its two coordinates.
         proposer: The source of the steps.
@@ -136,14 +136,14 @@ def enclose_poincare_map(
     Raises:
         FlightStopped: If the orbits are not shown to return.
     """
-    poincare_map = PoincareMap(model, section, box, proposer, derivatives=derivatives)
-    path = poincare_map.path
-    if section == LIBRATING_SECTION and not negative(converted_like(path.time, box[1])):
-        raise FlightStopped(FlowStatus.NO_START, path.time)
-    while path.time < max_duration:
+    poincare_map = PoincareMap(field, section, box, proposer, derivatives=derivatives)
+    flight = poincare_map.flight
+    if section == LIBRATING_SECTION and not negative(converted_like(flight.time, box[1])):
+        raise FlightStopped(FlowStatus.NO_START, flight.time)
+    while flight.time < max_duration:
         if (image := poincare_map.advance()) is not None:
             return image
-    raise FlightStopped(FlowStatus.NO_RETURN, path.time)
+    raise FlightStopped(FlowStatus.NO_RETURN, flight.time)
 
 
 class SectionCase(Enum):
@@ -163,7 +163,7 @@ class PoincareMap:
 
     def __init__(
         self,
-        model: Model,
+        field: EnclosedField,
         section: PoincareSection,
         box: Sequence[Any],
         proposer: StepProposer,
@@ -171,8 +171,9 @@ class PoincareMap:
         derivatives: bool = False,
     ) -> None:
         self.section = section
-        self.path = model.path(section.state_on(*box), proposer, derivatives=derivatives)
-        #: Least beta_bar and its derivatives (gamma_bar, v, Omega); None until the path has turned
+        self.flight = field.flight(section.state_on(*box), proposer, derivatives=derivatives)
+        #: Least beta_bar and its derivatives (gamma_bar, v, Omega); None until the orbits have
+        #: turned
         self.turn: tuple[Any, Any] = (None, None)
 
     def advance(self) -> PoincareImage | None:
@@ -181,10 +182,10 @@ class PoincareMap:
         Returns None while the flight goes on. At its end, returns the proved properties of the
         orbits at the section. Raises FlightStopped if no step is proved.
         """
-        path, not_flat, max_length = self.path, True, None
+        flight, not_flat, max_length = self.flight, True, None
         for _ in range(_MAX_SHORTENINGS):
             try:
-                step = path.step(max_length)
+                step = flight.step(max_length)
             except FlightStopped:
                 if not_flat:
                     raise
@@ -192,16 +193,16 @@ class PoincareMap:
             not_flat, case = self._proved_case(step)
             if not_flat and case is SectionCase.CROSSES:
                 if (moment := self._section_crossing_time(step)) is not None:
-                    path.take_step(step, moment)
+                    flight.take_step(step, moment)
                     return self._enclosed_return()
             elif not_flat and (
                 case is SectionCase.ON_THE_WAY
                 or (case is SectionCase.TURNS and self._enclose_turn(step))
             ):
-                path.take_step(step)
+                flight.take_step(step)
                 return None
             max_length = 0.7 * step.length
-        raise FlightStopped(FlowStatus.UNRESOLVED if not_flat else FlowStatus.FLAT, path.time)
+        raise FlightStopped(FlowStatus.UNRESOLVED if not_flat else FlowStatus.FLAT, flight.time)
 
     def _proved_case(self, step: Step) -> tuple[bool, SectionCase | None]:
         """Return True if the disk is shown to stay upright in the step, and the case that is shown
@@ -209,7 +210,7 @@ class PoincareMap:
 
         The case is None if none is shown.
         """
-        rates, (beta, _, v) = self.path.model.rates(step.enclosure), step.enclosure
+        rates, (beta, _, v) = self.flight.field.rates(step.enclosure), step.enclosure
         beta_end, gamma_end, v_end = step.states_at_end()
         has_one_law = not isinstance(step, SlidingReversalStep)
         not_flat = inside(beta, converted_like(beta, arb(0, BELOW_HALF_PI)))
@@ -219,7 +220,7 @@ class PoincareMap:
                 return not_flat, SectionCase.ON_THE_WAY
             crosses = positive(ahead) and positive(rates[1]) and has_one_law
             return not_flat, SectionCase.CROSSES if crosses else None
-        start, v_grows = self.path.box[2], positive(rates[2]) and has_one_law
+        start, v_grows = self.flight.box[2], positive(rates[2]) and has_one_law
         if self.turn[0] is None:
             if negative(v) or (v_grows and negative(v_end)):
                 return not_flat, SectionCase.ON_THE_WAY
@@ -236,20 +237,20 @@ class PoincareMap:
 
         Returns False if the moment cannot be enclosed.
         """
-        model = self.path.model
+        field = self.flight.field
         moment = enclosed_zero_time(
             step,
             step.time_span(),
             lambda time: step.component(2, time),
-            model.rates(step.enclosure)[2],
-            lambda time: model.rates(step.states_at(time))[2],
+            field.rates(step.enclosure)[2],
+            lambda time: field.rates(step.states_at(time))[2],
         )
         if moment is None:
             return False
         # At the turn beta' = 0: moving the moment does not change beta to first order.
         self.turn = (
             step.component(0, moment),
-            step.path_derivatives_at(moment)[0][1:] if self.path.carries_derivatives else None,
+            step.flight_derivatives_at(moment)[0][1:] if self.flight.carries_derivatives else None,
         )
         return True
 
@@ -258,42 +259,46 @@ class PoincareMap:
 
         Returns None if they cannot be enclosed.
         """
-        model, zero, level = self.path.model, self.section.zero_component, self.section.end_level()
+        field, zero, level = (
+            self.flight.field,
+            self.section.zero_component,
+            self.section.end_level(),
+        )
         if self.section == ROTATING_SECTION:
-            speed = model.rates(step.enclosure)[zero]
+            speed = field.rates(step.enclosure)[zero]
         else:
             v = step.enclosure[2]
             # v grows from its value at the start to that at the end.
-            speed = v if positive(v) else self.path.box[2].union(step.states_at_end()[2])
+            speed = v if positive(v) else self.flight.box[2].union(step.states_at_end()[2])
         return enclosed_zero_time(
             step,
             step.time_span(),
             lambda time: step.component(zero, time) - level,
             speed,
-            lambda time: model.rates(step.states_at(time))[zero],
+            lambda time: field.rates(step.states_at(time))[zero],
         )
 
     def _enclosed_return(self) -> PoincareImage:
-        """Return the proved properties of all orbits at the section, once the path has been taken
+        """Return the proved properties of all orbits at the section, once the flight has been taken
         there.
         """
-        path, section = self.path, self.section
+        flight, section = self.flight, self.section
         first, sign = section.first_coordinate, section.symmetry_sign
         derivatives: dict[str, Any] = {}
-        if path.carries_derivatives:
-            state = list(path.box)
+        if flight.carries_derivatives:
+            state = list(flight.box)
             if sign < 0:  # that is where the section lies
                 state[section.zero_component] = converted_like(state[2], 0)
-            rates, columns = path.model.rates(state), (first, 2, 3)
+            rates, columns = flight.field.rates(state), (first, 2, 3)
             # On the section the time changes with the start, dt = -d(component) / its rate, and the
             # other components change with it.
             times = [
-                -path.derivatives[section.zero_component][k] / rates[section.zero_component]
+                -flight.derivatives[section.zero_component][k] / rates[section.zero_component]
                 for k in columns
             ]
             rows = [
                 [
-                    sign * (path.derivatives[row][k] + rates[row] * time)
+                    sign * (flight.derivatives[row][k] + rates[row] * time)
                     for k, time in zip(columns, times, strict=True)
                 ]
                 for row in (first, 2)
@@ -301,13 +306,13 @@ class PoincareMap:
             derivatives = {
                 "image_by_start": rows,
                 "time_by_start": times,
-                "divergence": path.divergence,
+                "divergence": flight.divergence,
             }
         return PoincareImage(
-            path.step_count,
-            path.reversals,
-            path.time,
-            tuple(sign * path.box[row] for row in (first, 2)),
+            flight.step_count,
+            flight.reversals,
+            flight.time,
+            tuple(sign * flight.box[row] for row in (first, 2)),
             beta_least=self.turn[0],
             beta_least_by_start=self.turn[1],
             **derivatives,

@@ -37,10 +37,10 @@ from tippedisk_verify.proofs.kernel.taylor_recurrences import (
 from tippedisk_verify.proofs.kernel.vector_field import VectorFieldMaker, vector_field
 
 __all__ = [
+    "EnclosedField",
+    "EnclosedFlight",
     "FlightStopped",
     "FlowStatus",
-    "Model",
-    "Path",
     "StepProposer",
 ]
 
@@ -85,11 +85,11 @@ class StepProposer(Protocol):
     It is a search or a reader of a certificate. Any choice is safe, because each step is tested.
     """
 
-    def next_step(self, path: Path, max_length: Any) -> Step | None:
-        """Return the next step of the path, of at most ``max_length`` seconds, or None to give up.
+    def next_step(self, flight: EnclosedFlight, max_length: Any) -> Step | None:
+        """Return the flight's next step, of at most ``max_length`` seconds, or None to give up.
 
-        The step is made by a `StepTrial` of the path. The flight asks again, for a shorter step, if
-        it cannot use this one.
+        The step is made by a `StepTrial` of the flight. If the flight cannot use it, it asks again
+        for a shorter one.
         """
 
     def after_reversal(self) -> StepProposer:
@@ -110,14 +110,14 @@ class StepProposer(Protocol):
         """
 
     def record_step(self, step: Step, axes: Sequence[Sequence[Any]]) -> None:
-        """Record that the path has taken the step, with these axes at its end."""
+        """Record that the flight has taken the step, with these axes at its end."""
 
 
-class Model:
-    """The equations of motion on balls (Eq. 3DOF, linear friction), with the systems that a step
-    needs.
+class EnclosedField:
+    """The vector field on balls (Eq. 3DOF, linear friction) at an enclosed speed, with the systems
+    of Taylor series that a step needs.
 
-    Every enclosure holds for all constants and speeds in their balls. A model serves any number of
+    Every enclosure holds for all constants and speeds in their balls. A field serves any number of
     flights.
 
     Args:
@@ -143,7 +143,7 @@ class Model:
         variables = [graph.variable() for _ in range(3)]
         numbers = [graph.number(part, active=True) for part in (self.omega, *extra_parameters)]
         rates = self._rates(graph, variables, numbers)
-        self.remainder_model: Any = self  #: the equations that enclose remainders
+        self.remainder_field: Any = self  #: the field that encloses remainders
         #: The system of the state (3) and its derivatives with respect to beta, gamma, v, Omega and
         #: the further numbers (3 each); ``variational_system_with_divergence`` adds the
         #: divergence's integral
@@ -160,15 +160,15 @@ class Model:
         numbers = [graph.number(part) for part in (omega, *self.extra_parameters)]
         return System(graph, variables, self._rates(graph, variables, numbers))
 
-    def path(
+    def flight(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
-    ) -> Path:
-        """Return the proved flight (a path, before its first step) of all orbits from a box of
-        states.
+    ) -> EnclosedFlight:
+        """Return the proved flight, before its first step, of all orbits from a box of states.
 
-        ``proposer`` chooses the steps. With ``derivatives``, the path carries those of the states.
+        ``proposer`` chooses the steps. With ``derivatives``, the flight carries those of the
+        states.
         """
-        return Path(self, start, proposer, derivatives=derivatives)
+        return EnclosedFlight(self, start, proposer, derivatives=derivatives)
 
     def _rates(
         self, graph: Graph, variables: Sequence[Node], numbers: Sequence[Node]
@@ -188,28 +188,28 @@ class Model:
         )
 
 
-class Path:
+class EnclosedFlight:
     """The flight of all orbits from a box, one proved step after another.
 
     With ``derivatives``, those of the states are computed to the working precision and accumulated
-    over the path, together with the divergence's integral. Without, rough ones serve the mean-value
-    form only. The box's parts may be arrays of balls: such a path takes steps that its caller has
-    tested.
+    over the flight, together with the divergence's integral. Without, rough ones serve the
+    mean-value form only. The box's parts may be arrays of balls: such a flight takes steps that its
+    caller has tested.
     """
 
     def __init__(
         self,
-        model: Any,
+        field: Any,
         start: Sequence[Any] | Doubleton,
         proposer: Any,
         *,
         derivatives: bool = False,
     ) -> None:
-        self.model, self.proposer, self.carries_derivatives = model, proposer, derivatives
+        self.field, self.proposer, self.carries_derivatives = field, proposer, derivatives
         self.state_set = (
             start
             if isinstance(start, Doubleton)
-            else Doubleton([ball(part) for part in start], model.omega)
+            else Doubleton([ball(part) for part in start], field.omega)
         )
         if len(self.state_set.middle) != 3:
             raise ValueError("a state has three components: beta_bar, gamma_bar, v")
@@ -226,13 +226,13 @@ class Path:
 
     @property
     def derivatives(self) -> tuple[tuple[Any, ...], ...]:
-        """The derivatives (3, 4) of the path's current states with respect to their start and
+        """The derivatives (3, 4) of the flight's current states with respect to their start and
         Omega.
         """
         return self.state_set.derivative_matrix()
 
     def step(self, max_length: Any = None) -> Step:
-        """Ask the proposer for the next step of the path, of at most ``max_length`` seconds, and
+        """Ask the proposer for the next step of the flight, of at most ``max_length`` seconds, and
         return it without taking it.
 
         Raises FlightStopped if no step is proved.
@@ -276,8 +276,8 @@ class Path:
         )
 
     def take_step(self, step: Step, time: Any = None) -> None:
-        """Move the path forward to the end of a step, or to ``time`` (a number or ball) within the
-        step.
+        """Move the flight forward to the end of a step, or to ``time`` (a number or ball) within
+        the step.
         """
         moment = converted_like(self.time, step.length) if time is None else time
         state_set = self.states_after(step, time)

@@ -53,12 +53,12 @@ from typing import Any
 from tippedisk_verify.proofs.kernel.balls import positive, require
 from tippedisk_verify.proofs.kernel.half_map_of_curves import Curve
 from tippedisk_verify.proofs.kernel.jets import Jet, scaled_sine
-from tippedisk_verify.proofs.kernel.proved_flow import Model
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix
 from tippedisk_verify.proofs.kernel.taylor_recurrences import Node
 from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, vector_field
 
-__all__ = ["ScaledCurve", "ScaledModel"]
+__all__ = ["ScaledCurve", "ScaledField"]
 
 
 class _ScaledNumber:
@@ -136,8 +136,8 @@ def _sine_and_cosine(angle: _ScaledNumber) -> tuple[Any, Any]:
     return scaled_sine(angle.x, angle.amplitude_squared)[:2]
 
 
-class ScaledModel(Model):
-    """The equations of motion of a state (b, g, w) that is scaled by its amplitude a.
+class ScaledField(EnclosedField):
+    """The vector field of a state (b, g, w) that is scaled by its amplitude a.
 
     The state is (beta_bar, gamma_bar, v) / a, and ``amplitude_squared`` is q = a^2. ``omega`` is in
     rad/s. Both are jets or balls. Derivatives are taken with respect to b, g, w, Omega and q, and
@@ -185,7 +185,7 @@ class ScaledCurve(Curve):
 
     start_derivative = ((0, 0, 0), (0, 1, 0))
     parameter_columns = (2, 0)
-    model_class = ScaledModel
+    field_class = ScaledField
 
     @property
     def start(self) -> tuple[Jet, Jet]:

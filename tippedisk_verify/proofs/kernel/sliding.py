@@ -4,8 +4,8 @@ side of gamma_y = 0.
 One law for each side
 ---------------------
 gamma_y is the sliding velocity. For each sign s the law with |gamma_y| replaced by s gamma_y
-(`field.one_sided_vector_field`) is analytic wherever s gamma_y > -epsilon. It is the smooth law
-where s gamma_y >= 0. As
+(`vector_field.one_sided_vector_field`) is analytic wherever s gamma_y > -epsilon. It is the smooth
+law where s gamma_y >= 0. As
 
     traction / (s gamma_y + epsilon) = (s traction) / (gamma_y + s epsilon),
 
@@ -60,10 +60,10 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.proved_flow import (
+    EnclosedField,
+    EnclosedFlight,
     FlightStopped,
     FlowStatus,
-    Model,
-    Path,
     StepProposer,
 )
 from tippedisk_verify.proofs.kernel.step import Step, enclosed_zero_time, evaluate_polynomial
@@ -75,10 +75,10 @@ from tippedisk_verify.proofs.kernel.vector_field import (
 )
 
 __all__ = [
-    "SlidingPath",
+    "SlidingFlight",
     "SlidingReversalStep",
-    "SmoothModel",
-    "model_for_friction",
+    "SmoothField",
+    "field_for_friction",
 ]
 
 _PIECES_PER_STEP = 16  # of a step
@@ -91,23 +91,23 @@ _CROSSING_MARGIN = 2.0**-8  # of the step: its part after the crossing
 _LENGTH_MARGIN = 1 + 2.0**-18  # a proposer may round lengths down to 20 bits
 
 
-def model_for_friction(friction: str, constants: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls, as a `Model`, under a friction law.
+def field_for_friction(friction: str, constants: Any, omega: Any) -> EnclosedField:
+    """Return the vector field on balls, as an `EnclosedField`, under a friction law.
 
     ``friction`` is 'linear' or 'smooth'.
     """
-    return (SmoothModel if FRICTION_LAWS[friction].two_sided else Model)(constants, omega)
+    return (SmoothField if FRICTION_LAWS[friction].two_sided else EnclosedField)(constants, omega)
 
 
-class SmoothModel(Model):
-    """The equations of motion with the analytic friction law of one side of gamma_y = 0.
+class SmoothField(EnclosedField):
+    """The vector field with the analytic friction law of one side of gamma_y = 0.
 
     This is side 1, unless `for_side` has changed the signs of traction and epsilon.
     """
 
     def __init__(self, constants: Any, omega: Any, law: VectorFieldMaker | None = None) -> None:
         super().__init__(constants, omega, law or one_sided_vector_field(1))
-        self._other_side: SmoothModel | None = None
+        self._other_side: SmoothField | None = None
         graph = Graph()
         variables, speed = [graph.variable() for _ in range(3)], graph.number(self.omega)
         numbers = type(self.constants)(*map(graph.number, self.constants))
@@ -117,15 +117,15 @@ class SmoothModel(Model):
             graph, [*variables, graph.variable()], [*rates, velocity]
         )
 
-    def for_side(self, side: int) -> SmoothModel:
-        """Return this model for ``side`` >= 0, and the model with the friction law of the other
+    def for_side(self, side: int) -> SmoothField:
+        """Return this field for ``side`` >= 0, and the field with the friction law of the other
         side of gamma_y = 0 for a negative ``side``.
         """
         if side >= 0:
             return self
         if self._other_side is None:
             traction, epsilon = -self.constants.traction, -self.constants.epsilon
-            self._other_side = SmoothModel(
+            self._other_side = SmoothField(
                 self.constants._replace(traction=traction, epsilon=epsilon), self.omega
             )
             self._other_side._other_side = self
@@ -135,7 +135,7 @@ class SmoothModel(Model):
         self, state: Sequence[Any], *, middle: bool = False
     ) -> tuple[Any, Any]:
         """Return the sliding velocity gamma_y [m/s] of a state and its rate [m/s^2], by this
-        model's law.
+        field's law.
 
         If ``middle`` is True, they are those at the midpoint of the ball of speeds; otherwise they
         hold for all speeds in the ball.
@@ -153,10 +153,10 @@ class SmoothModel(Model):
         )[-1]
         return [k * coefficient for k, coefficient in enumerate(integral)][1:]
 
-    def path(
+    def flight(
         self, start: Sequence[Any], proposer: StepProposer, *, derivatives: bool = False
-    ) -> Path:
-        return SlidingPath(self, start, proposer, derivatives=derivatives)
+    ) -> EnclosedFlight:
+        return SlidingFlight(self, start, proposer, derivatives=derivatives)
 
 
 @dataclass(frozen=True)
@@ -206,26 +206,26 @@ class SlidingReversalStep(Step):
         )
 
 
-class SlidingPath(Path):
+class SlidingFlight(EnclosedFlight):
     """The flight of all orbits from a box, through changes of the sliding velocity's sign. At the
     start this sign is the same for all orbits.
     """
 
-    model: SmoothModel  #: the law of the current side
+    field: SmoothField  #: the law of the current side
 
     def __init__(
         self,
-        model: SmoothModel,
+        field: SmoothField,
         start: Sequence[Any],
         proposer: StepProposer,
         *,
         derivatives: bool = False,
     ) -> None:
-        super().__init__(model, start, proposer, derivatives=derivatives)
-        velocity, _ = model.sliding_velocity_and_rate(self.box)
+        super().__init__(field, start, proposer, derivatives=derivatives)
+        velocity, _ = field.sliding_velocity_and_rate(self.box)
         #: The sliding velocity's sign; 0 if it is not known
         self.side = 1 * positive(velocity) - 1 * negative(velocity)
-        self.model = model.for_side(self.side)
+        self.field = field.for_side(self.side)
 
     def step(self, max_length: float | None = None) -> Step:
         for _ in range(_MAX_SHORTENINGS):
@@ -242,7 +242,7 @@ class SlidingPath(Path):
         super().take_step(step, time)
         if isinstance(step, SlidingReversalStep):
             self.reversals += 1
-            self.side, self.model = -self.side, self.model.for_side(-1)
+            self.side, self.field = -self.side, self.field.for_side(-1)
 
     def _step_of_proved_sign(self, step: Step) -> Step | None:
         """Return the step if gamma_y keeps its sign in it. If all orbits change this sign, return
@@ -253,7 +253,7 @@ class SlidingPath(Path):
         if not self.side:
             return None
         if positive(
-            _times_sign(self.model.sliding_velocity_and_rate(step.enclosure)[0], self.side)
+            _times_sign(self.field.sliding_velocity_and_rate(step.enclosure)[0], self.side)
         ):
             return step
         kept, crossing = self._sign_on_pieces(step)
@@ -270,8 +270,8 @@ class SlidingPath(Path):
         shown, returns (False, None).
         """
         start, throughout = (
-            self.model.sliding_velocity_series(self.box, _VELOCITY_ORDER),
-            self.model.sliding_velocity_series(step.enclosure, _VELOCITY_ORDER + 1),
+            self.field.sliding_velocity_series(self.box, _VELOCITY_ORDER),
+            self.field.sliding_velocity_series(step.enclosure, _VELOCITY_ORDER + 1),
         )
         velocity = [_times_sign(coefficient, self.side) for coefficient in (*start, throughout[-1])]
         rates = [k * coefficient for k, coefficient in enumerate(velocity)][1:]
@@ -311,7 +311,7 @@ class SlidingPath(Path):
         def zero(states: Callable[[Any], Any], *, middle: bool = False) -> Any:
             def towards(time: Any, k: int) -> Any:
                 return -_times_sign(
-                    self.model.sliding_velocity_and_rate(states(time), middle=middle)[k], self.side
+                    self.field.sliding_velocity_and_rate(states(time), middle=middle)[k], self.side
                 )
 
             return enclosed_zero_time(
@@ -327,8 +327,8 @@ class SlidingPath(Path):
             return None
         until = magnitude_estimate(reversal_time + _CROSSING_MARGIN * step.length)
         left = until - reversal_time
-        other = self.model.for_side(-1)
-        onwards = Path(
+        other = self.field.for_side(-1)
+        onwards = EnclosedFlight(
             other,
             step.states_at(reversal_time),
             self.proposer.after_reversal(),

@@ -104,9 +104,9 @@ class Step:
             for row in range(3)[components]
         )
 
-    def path_derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
+    def flight_derivatives_at(self, time: Any) -> tuple[tuple[Any, ...], ...]:
         """Return the derivatives of the state at ``time`` with respect to the start of the whole
-        path and Omega, for every orbit.
+        flight and Omega, for every orbit.
         """
         return self.state_set.derivatives_after_map(self.step_derivatives_at(time))
 
@@ -157,45 +157,45 @@ def evaluate_polynomial(coefficients: Sequence[Any], time: Any) -> Any:
 
 
 class StepTrial:
-    """The Taylor series of all orbits from a path's current set of states, on which step lengths
+    """The Taylor series of all orbits from a flight's current set of states, on which step lengths
     are tried.
 
     The first of the ``orders`` is that of the midpoint's orbit, the second that of the orbits from
     the box.
     """
 
-    def __init__(self, path: Any, orders: tuple[int, int]) -> None:
-        self.path, self.orders, model = path, orders, path.model
-        self.state_set = path.state_set  #: the path's place
-        self.midpoint_series = model.midpoint_system.coefficients(
-            path.midpoint_start or path.state_set.middle, orders[0]
+    def __init__(self, flight: Any, orders: tuple[int, int]) -> None:
+        self.flight, self.orders, field = flight, orders, flight.field
+        self.state_set = flight.state_set  #: the flight's place
+        self.midpoint_series = field.midpoint_system.coefficients(
+            flight.midpoint_start or flight.state_set.middle, orders[0]
         )
-        box = [truncated_for_derivatives(part) for part in path.box]
+        box = [truncated_for_derivatives(part) for part in flight.box]
         zero, one = (converted_like(box[0], k) for k in (0, 1))
-        columns = range(3 + len(path.state_set.parameter_columns))
+        columns = range(3 + len(flight.state_set.parameter_columns))
         start = [*box, *(one if row == column else zero for column in columns for row in range(3))]
-        if path.carries_derivatives:
+        if flight.carries_derivatives:
             start.append(zero)
-        with working_precision(working_bits() if path.carries_derivatives else _MEAN_VALUE_BITS):
-            self.box_series = self._system(model).coefficients(start, orders[1])
+        with working_precision(working_bits() if flight.carries_derivatives else _MEAN_VALUE_BITS):
+            self.box_series = self._system(field).coefficients(start, orders[1])
 
-    def _system(self, model: Any) -> System:
+    def _system(self, field: Any) -> System:
         system: System = (
-            model.variational_system_with_divergence
-            if self.path.carries_derivatives
-            else model.variational_system
+            field.variational_system_with_divergence
+            if self.flight.carries_derivatives
+            else field.variational_system
         )
         return system
 
     def tested_step(self, length: Any) -> Step:
         """Test a step of the given length: return it with its enclosures, proved or not.
 
-        It becomes the path's latest trial.
+        It becomes the flight's latest trial.
         """
         with working_precision(_REMAINDER_BITS):
             enclosure, midpoint_remainders, box_remainders, included = self._test(length)
-        step = self.path.latest_tested_step = Step(
-            self.path.time,
+        step = self.flight.latest_tested_step = Step(
+            self.flight.time,
             length,
             enclosure,
             self.state_set,
@@ -213,14 +213,14 @@ class StepTrial:
         return step
 
     def _test(self, length: Any) -> tuple[tuple[Any, ...], list[Any], list[Any], Any]:
-        """Test whether all orbits from the path's set of states exist and stay in a padded box E
+        """Test whether all orbits from the flight's set of states exist and stay in a padded box E
         over a step of this length.
 
         Returns four things. The first is E. The next two are the next Taylor coefficients over E,
         which give the remainders: of the states to the full order, and of the states with their
         derivatives to the rough order. The last tells whether the step is proved.
         """
-        bound, (order, rough_order) = self.path.model.remainder_model, self.orders
+        bound, (order, rough_order) = self.flight.field.remainder_field, self.orders
         time = converted_like(range_of(self.box_series[0][0]), range_of(length))
         span, power = _hull_with_zero(time), _hull_with_zero(time**rough_order)
         coefficients = [
@@ -266,17 +266,17 @@ def enclosed_zero_time(
     """
     moment = span
     for _ in range(_MAX_ITERATIONS):
-        guess, reach = moment.mid(), moment.rad()
+        guess, radius = moment.mid(), moment.rad()
         if not (positive(guess) and positive(step.length - guess)):
             return None
         value_at_guess = value(guess)
         if positive(value_at_guess):
-            moment = guess.union(guess - reach)
+            moment = guess.union(guess - radius)
         elif negative(value_at_guess):
-            moment = guess.union(guess + reach)
+            moment = guess.union(guess + radius)
         moment = intersection(guess - value_at_guess / slope, moment)
         # At worst a step halves it, up to rounding
-        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(reach):
+        if not 1.5 * magnitude_estimate(moment.rad()) < magnitude_estimate(radius):
             break
         slope = slope_over(moment)
     return moment if moment.is_finite() else None

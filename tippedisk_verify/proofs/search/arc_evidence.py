@@ -16,10 +16,11 @@ from typing import Any, NamedTuple, cast
 
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.decimals import exact_text, round_up
+from tippedisk_verify.proofs.ball_conversions import WIDENING_FACTOR, ball_to_measured
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb, ball, require, working_precision
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
-    Piece,
+    ProvedArc,
     exact_magnitude_bound,
     first_unproved_sign,
     krawczyk_test_of_box,
@@ -27,28 +28,31 @@ from tippedisk_verify.proofs.kernel.certificates.family import (
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
     SERIES_ORDERS,
     UNKNOWN_INDICES,
-    Arc,
+    ArcTest,
     Curve,
-    CurvePath,
+    CurveFlight,
 )
 from tippedisk_verify.proofs.kernel.jets import Jet
 from tippedisk_verify.proofs.kernel.scaled_half_map import ScaledCurve
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, inverse_of_order_2
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, evaluate_polynomial
 from tippedisk_verify.proofs.kernel.vector_field import FieldConstants, field_constants
-from tippedisk_verify.proofs.numbers import WIDENING_FACTOR, ball_to_measured
-from tippedisk_verify.proofs.search.proof import SearchStopped, first_success, parameter_texts
-from tippedisk_verify.proofs.search.steps import axes_of_balls
+from tippedisk_verify.proofs.search.proof_search import (
+    SearchStopped,
+    first_success,
+    parameter_texts,
+)
+from tippedisk_verify.proofs.search.step_search import axes_of_balls
 
 __all__ = [
     "BITS",
     "CurveStepSearch",
     "CycleGuess",
+    "arc_entry",
     "family_coefficients",
     "family_polynomials",
     "krawczyk_test_with_adapted_boxes",
-    "piece_entry",
-    "prove_piece",
+    "prove_arc",
     "rounded_up_to_two_digits",
 ]
 
@@ -59,12 +63,14 @@ _BOX_SHARES = Fraction(1, 300), Fraction(1, 100)
 _MIN_RADIUS = Fraction(1, 10**12)  # a box's radius [rad/s]
 _MAX_ATTEMPTS = 3
 # Sizes of a box of uniqueness, relative to the family's slope times the distance to the connection
-# (for a scaled piece, times the distance of a^2 from 1).
+# (for a scaled arc, times the distance of a^2 from 1).
 _WIDE_SHARES = Fraction(1, 64), Fraction(1, 256)
 
 #: v_0 (or v_0 / a) [rad/s], Omega [rad/s], half the period [s]
 CycleGuess = tuple[Fraction, Fraction, Fraction]
-Test = Callable[[Sequence[Fraction], Any], Arc]  #: a test of a box with these radii and a proposer
+Test = Callable[
+    [Sequence[Fraction], Any], ArcTest
+]  #: a test of a box with these radii and a proposer
 _TOLERANCE, _ROUGH_TOLERANCE = -56, -30  # log2 of the last terms: of states, and of derivatives
 _FIRST_SHARE, _MAX_SHARE = 0.01, 0.03  # of the time of flight, for a step
 _MAX_STEPS, _MAX_TRIALS = 2000, 15
@@ -85,18 +91,18 @@ class CurveStepSearch:
         self.log: list[dict[str, Any]] = []
         self._done, self._share = 0.0, _FIRST_SHARE
 
-    def next_step(self, path: CurvePath, max_length: Any) -> Step:
-        """Return a step of the path with small remainders.
+    def next_step(self, flight: CurveFlight, max_length: Any) -> Step:
+        """Return a step of the flight with small remainders.
 
         The orbits return to the section well inside this step, or well after it. ``max_length`` is
         not used.
         """
         require(len(self.log) < _MAX_STEPS, "the flight takes too many steps")
-        trial = StepTrial(path, SERIES_ORDERS)
+        trial = StepTrial(flight, SERIES_ORDERS)
         for _ in range(_MAX_TRIALS):
             text = self._next_share()
             share = float(text)
-            step = trial.tested_step((path.duration * share).mid())
+            step = trial.tested_step((flight.duration * share).mid())
             excess = max(
                 _length_excess(
                     step.derivative_polynomials, step, SERIES_ORDERS[1] + 1, _ROUGH_TOLERANCE
@@ -158,20 +164,20 @@ def approximate_flight(constants: FieldConstants, curve: Curve) -> tuple[Sequenc
 
     It computes with midpoints, without the deviations about the curve, and proves nothing.
     """
-    orbit = curve.model_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
+    orbit = curve.field_class(constants, *curve.equation_parameters).system_at_speed(curve.omega)
     total = curve.duration
     state, time, done = [0 * curve.v.mid(), *curve.start], 0 * total, 0.0
     for _ in range(_MAX_STEPS):
         series = orbit.coefficients(state, SERIES_ORDERS[0])
         # In longer steps the balls left over would swamp the midpoints.
-        reach = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
-        if 1 - done < reach / 2:
+        step_share = min(_MAX_SHARE, _estimated_length(series) / float(total.coefficients[0].mid()))
+        if 1 - done < step_share / 2:
             break
-        length = (total * min(reach, 1 - done)).mid()
+        length = (total * min(step_share, 1 - done)).mid()
         state, time, done = (
             [evaluate_polynomial(part, length).mid() for part in series],
             time + length,
-            done + reach,
+            done + step_share,
         )
     tau = _section_time(series, 0 * total)
     return [-evaluate_polynomial(part, tau).mid() for part in series[1:]], (tau + time).mid()
@@ -301,7 +307,7 @@ class PassedArcTest(NamedTuple):
     recorded steps.
     """
 
-    arc: Arc
+    result: ArcTest
     radii: list[Fraction]
     within: list[Fraction]  #: distances of the true values from the polynomials, at most
     evidence: dict[str, Any]  #: the radii and the steps in the form of a certificate
@@ -322,19 +328,19 @@ def krawczyk_test_with_adapted_boxes(test: Test, radii: Sequence[Fraction]) -> P
         proposer = CurveStepSearch()
         sizes = [rounded_up_to_two_digits(max(radius, _MIN_RADIUS)) for radius in radii]
         try:
-            arc = test(sizes, proposer)
+            result = test(sizes, proposer)
         except Unproved:
             raise SearchStopped(ArcStatus.NOT_FOLLOWED) from None
-        if not all(off.is_finite() for off in arc.shift):
+        if not all(off.is_finite() for off in result.shift):
             raise SearchStopped(ArcStatus.NOT_FOLLOWED)
         within = [
             rounded_up_to_two_digits(
                 max(exact_magnitude_bound(off) * WIDENING_FACTOR, Fraction(1, 10**30))
             )
-            for off in arc.shift
+            for off in result.shift
         ]
-        if arc.included and all(a < b for a, b in zip(within, sizes, strict=True)):
-            return PassedArcTest(arc, sizes, within, _box_evidence(sizes, proposer))
+        if result.included and all(a < b for a, b in zip(within, sizes, strict=True)):
+            return PassedArcTest(result, sizes, within, _box_evidence(sizes, proposer))
         raise SearchStopped(ArcStatus.NOT_INCLUDED, next_choice=[2 * part for part in within])
 
     return first_success(attempt, radii, _MAX_ATTEMPTS)
@@ -344,10 +350,10 @@ def _box_evidence(radii: Sequence[Fraction], proposer: CurveStepSearch) -> dict[
     return {"radii": [*map(exact_text, radii)], "steps": proposer.log}
 
 
-def prove_piece(
+def prove_arc(
     parameters: Parameters, low: Fraction, high: Fraction, guess: CycleGuess
-) -> Piece | ArcStatus:
-    """Prove a piece of the family of limit cycles, between two amplitudes [rad]. Return the piece,
+) -> ProvedArc | ArcStatus:
+    """Prove an arc of the family of limit cycles, between two amplitudes [rad]. Return the arc,
     or the reason why it is not proved.
 
     States are scaled by the amplitude if ``low`` is 0. ``guess`` is a cycle at the middle of a or,
@@ -369,12 +375,12 @@ def prove_piece(
                 "half": [*map(exact_text, half_period)],
             }
 
-            def test(radii: Sequence[Fraction], proposer: Any) -> Arc:
+            def test(radii: Sequence[Fraction], proposer: Any) -> ArcTest:
                 return krawczyk_test_of_box(disk, low, arc, radii, proposer)
 
             def attempt(radii: Sequence[Fraction]) -> PassedArcTest:
                 box = krawczyk_test_with_adapted_boxes(test, radii)
-                if (refusal := first_unproved_sign(box.arc)) is None:
+                if (refusal := first_unproved_sign(box.result)) is None:
                     return box
                 # Derivatives over a smaller box may decide signs that are undecided over this one.
                 tighter = [part * 5 / 4 for part in box.within]
@@ -403,7 +409,7 @@ def prove_piece(
                 if min(map(sub, wide, box.radii)) > 0 and test(wide, proposer).included:
                     unique, evidence["wide box"] = wide, _box_evidence(wide, proposer)
                     break
-        return Piece(
+        return ProvedArc(
             low,
             high,
             (first, second),
@@ -413,19 +419,19 @@ def prove_piece(
         )
 
 
-def piece_entry(piece: Piece) -> dict[str, object]:
-    """Return a proved piece of the family as a dictionary for output, with all numbers as exact
+def arc_entry(arc: ProvedArc) -> dict[str, object]:
+    """Return a proved arc of the family as a dictionary for output, with all numbers as exact
     texts.
 
     The evidence is left out.
     """
     return {
-        "low": exact_text(piece.low),
-        "high": exact_text(piece.high),
-        "scaled": piece.scaled,
-        "curve": [[exact_text(part) for part in row] for row in piece.curve],
-        "unique_within": [exact_text(part) for part in piece.unique_within],
-        "within": [exact_text(part) for part in piece.within],
+        "low": exact_text(arc.low),
+        "high": exact_text(arc.high),
+        "scaled": arc.scaled,
+        "curve": [[exact_text(part) for part in row] for row in arc.curve],
+        "unique_within": [exact_text(part) for part in arc.unique_within],
+        "within": [exact_text(part) for part in arc.within],
     }
 
 

@@ -26,6 +26,7 @@ from tippedisk_verify.numbers.decimals import decimal_magnitude, exact_text, rou
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import NONINVERTED
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured, widened
 from tippedisk_verify.proofs.closed_forms import (
     characteristic_polynomial,
     exact_polynomial,
@@ -51,9 +52,8 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     off_diagonal_sums,
     verify_unstable_cone,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import Path
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
+from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,
     Proof,
     SearchStopped,
@@ -61,7 +61,7 @@ from tippedisk_verify.proofs.search.proof import (
     first_success,
     parameter_texts,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 __all__ = [
     "MAX_DIGITS",
@@ -77,7 +77,8 @@ __all__ = [
 MAX_DIGITS = 300  #: half an hour; the time grows like the power 2.5 of the digits
 _GUARD_BITS = 56  # some 10 digits for the passage, and a few lost by divisions
 _MAX_FLIGHT = 30.0  # s
-_ORDER_PER_BIT = 0.35  # of the local series: then their reach is used to about an eighth
+# Of the local series: then about an eighth of their radius of convergence is used
+_ORDER_PER_BIT = 0.35
 # Passes; bits that each has more than the one before; and the fast coordinate at the flight's end
 # relative to the interval's half-width, which each reduces by the same factor again
 _MAX_PASSES, _EXTRA_BITS, _FIRST_SHARE = 3, 48, Fraction(1, 64)
@@ -427,7 +428,7 @@ class _ConnectionSearch(EvidenceSearch):
         # Nearer than the series require: the cones there need orbits that differ along the unstable
         # direction. They hold in a box that is wider than N by the ratio of the eigenvectors'
         # components.
-        self.reach = _usable_length(curve) / 16
+        self.arrival_distance = _usable_length(curve) / 16
         return self._graph_evidence(curve)
 
     def _graph_evidence(self, curve: ManifoldGraph) -> dict[str, Any]:
@@ -454,13 +455,13 @@ class _ConnectionSearch(EvidenceSearch):
     def flight(self) -> FlightStepSearch:
         return FlightStepSearch()
 
-    def arrived(self, path: Path, z: Sequence[Any], curve: ManifoldGraph) -> bool:
-        beta, gamma, _ = path.box
+    def arrived(self, flight: EnclosedFlight, z: Sequence[Any], curve: ManifoldGraph) -> bool:
+        beta, gamma, _ = flight.box
         # gamma falls, or has passed the saddle
-        if path.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
+        if flight.time > _MAX_FLIGHT or beta < 0 or gamma > arb.pi():
             raise SearchStopped(ConnectionStatus.NOT_NEAR)
         return bool(
-            abs(z[SLOW]) < self.reach
+            abs(z[SLOW]) < self.arrival_distance
             and abs(curve.offset_from_curve(z)[1].mid()) < ball(self.half_width * self.share)
         )
 

@@ -23,6 +23,7 @@ from tippedisk_verify.numbers.decimals import round_down
 from tippedisk_verify.numbers.exact import exact
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import bits_for_digits
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.kernel.balls import arb, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates import cycle
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult
@@ -36,14 +37,13 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import log2_magnitude
-from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     Proof,
     SearchStopped,
     certificate_claim,
     first_success,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "CycleProof", "CycleStatus", "prove_cycle"]
 
@@ -286,7 +286,7 @@ class CycleAttempt:
             middle: The box's centre: both coordinates on the section, and the speed.
             speed_deviation: A ball of the speed's deviation from the centre.
             size: The exponent of the radii.
-            centre: The flight from the centre, if it has already been computed.
+            centre: The search and the map at the centre, if they have already been computed.
 
         Returns:
             The test's result, and the evidence.
@@ -314,8 +314,8 @@ class CycleAttempt:
         for _ in range(_MAX_ITERATIONS):
             with working_precision(min(self.bits, max(_FIRST_BITS, 2 * correct + 64))):
                 try:
-                    flight = enclose_poincare_map(
-                        model_for_disk(self.parameters, ball(self.omega)),
+                    image = enclose_poincare_map(
+                        field_for_disk(self.parameters, ball(self.omega)),
                         self.section,
                         state,
                         FlightStepSearch(),
@@ -324,11 +324,11 @@ class CycleAttempt:
                 except FlightStopped as fault:
                     raise SearchStopped(CycleStatus.NOT_FOLLOWED, f"at {fault}") from None
                 if matrix is None:
-                    (a, b, _), (c, d, _) = flight.image_by_start
+                    (a, b, _), (c, d, _) = image.image_by_start
                     matrix = ((a - 1, b), (c, d - 1))
                 inverse = midpoint_inverse(matrix)
                 step = matrix_times_vector(
-                    inverse, [new - old for new, old in zip(flight.image, state, strict=True)]
+                    inverse, [new - old for new, old in zip(image.image, state, strict=True)]
                 )
                 if not all(part.is_finite() for part in step):
                     raise SearchStopped(

@@ -18,22 +18,22 @@ from tippedisk_verify.numbers.decimals import exact_text, round_down
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.closed_forms import check_linearization, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import working_precision
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles, sentence
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h, sentence
 from tippedisk_verify.proofs.kernel.certificates.family import (
     ArcStatus,
-    Piece,
+    ProvedArc,
     curve_fault,
     last_cycle,
     unique_within,
 )
-from tippedisk_verify.proofs.search.arc_evidence import piece_entry
-from tippedisk_verify.proofs.search.connection_cycles_proof import ConnectionCyclesProof
+from tippedisk_verify.proofs.search.arc_evidence import arc_entry
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof
-from tippedisk_verify.proofs.search.proof import Proof, certificate_claim, parameter_texts
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import CyclesNearOmegaHProof
+from tippedisk_verify.proofs.search.proof_search import Proof, certificate_claim, parameter_texts
 
 __all__ = ["FamilyProof"]
 
-# For joining pieces, and for checking a claim about Omega_crit, which has as many digits
+# For joining arcs, and for checking a claim about Omega_crit, which has as many digits
 _JOINING_BITS, _CLAIM_BITS = 128, 160
 _DECIMALS = 9  # of the share and of the speed at the end, rounded to the safe side
 
@@ -43,43 +43,43 @@ class FamilyProof(Proof):
     """The proof of the family of limit cycles between Omega_h and Omega_crit, as far as it
     succeeded.
 
-    ``pieces`` are proved parts of the family that form one curve from the Hopf point on. There may
+    ``arcs`` are proved parts of the family that form one curve from the Hopf point on. There may
     be none.
     """
 
     parameters: Parameters
-    pieces: tuple[Piece, ...]
-    #: The reason why the piece after the last one is not proved, if one was tried
+    arcs: tuple[ProvedArc, ...]
+    #: The reason why the arc after the last one is not proved, if one was tried
     stop_reason: ArcStatus | None = None
     connection: ConnectionProof | None = None  #: Omega_h, if it is known
-    near_omega_h: ConnectionCyclesProof | None = (
+    near_omega_h: CyclesNearOmegaHProof | None = (
         None  #: the cycles next to the connection, if they are proved
     )
 
     @cached_property
     def hopf_closed(self) -> bool:
-        """True if the pieces of the family are proved to form one curve that begins at the Hopf
+        """True if the arcs of the family are proved to form one curve that begins at the Hopf
         point.
 
         Raises InputError for a disk without the closed forms' hypotheses.
         """
         check_linearization(self.parameters.rational_constants())
         with working_precision(_JOINING_BITS):
-            return not curve_fault(parameter_texts(self.parameters), self.pieces)
+            return not curve_fault(parameter_texts(self.parameters), self.arcs)
 
     @cached_property
     def heteroclinic_closed(self) -> bool:
-        """True if the last piece of the family runs into the limit cycles that are proved next to
+        """True if the last arc of the family runs into the limit cycles that are proved next to
         the heteroclinic connection.
         """
         if (
             self.near_omega_h is None
-            or not self.pieces
+            or not self.arcs
             or self.near_omega_h.connection.parameters != self.parameters
         ):
             return False
         with working_precision(_JOINING_BITS):
-            return self.near_omega_h.contains_cycle(*last_cycle(self.pieces))
+            return self.near_omega_h.contains_cycle(*last_cycle(self.arcs))
 
     @property
     def proved(self) -> bool:
@@ -96,7 +96,7 @@ class FamilyProof(Proof):
         if not self.hopf_closed:
             return None
         unit = 10**_DECIMALS
-        return Fraction(-(-self.pieces[-1].speeds(self.pieces[-1].high)[1] * unit // 1), unit)
+        return Fraction(-(-self.arcs[-1].speeds(self.arcs[-1].high)[1] * unit // 1), unit)
 
     @property
     def covered(self) -> Fraction | None:
@@ -135,16 +135,14 @@ class FamilyProof(Proof):
             "family of limit cycles",
             self.parameters,
             {"omega_crit": measured_omega_crit(self.parameters)},
-            amplitude_first=self.pieces[0].high,
-            amplitude_end=self.pieces[-1].high,
+            amplitude_first=self.arcs[0].high,
+            amplitude_end=self.arcs[-1].high,
             omega_end=self.omega_end,
-            unique_within=dict(
-                zip(names, map(round_down, unique_within(self.pieces)), strict=True)
-            ),
+            unique_within=dict(zip(names, map(round_down, unique_within(self.arcs)), strict=True)),
         )
         if self.near_omega_h is not None and self.heteroclinic_closed:
             claim["numbers"] |= (end := self.near_omega_h.claim)["numbers"]
-            claim |= {name: end[name] for name in connection_cycles.CLAIM_SHAPE} | {
+            claim |= {name: end[name] for name in cycles_near_omega_h.CLAIM_SHAPE} | {
                 "kind": "whole family of limit cycles"
             }
         return claim
@@ -166,7 +164,7 @@ class FamilyProof(Proof):
         """
         if not self.hopf_closed:
             return {}
-        arcs = {"arcs": [piece.evidence for piece in self.pieces]}
+        arcs = {"arcs": [arc.evidence for arc in self.arcs]}
         return arcs | (
             {"end": self.near_omega_h.evidence}
             if self.near_omega_h is not None and self.heteroclinic_closed
@@ -181,8 +179,8 @@ class FamilyProof(Proof):
     def reason(self) -> str:
         """The reason why the proved curve of limit cycles does not go further, in words."""
         if self.stop_reason is None:
-            return "no more was asked for" if self.pieces else "nothing was tried"
-        where = f"from gamma_bar_0 = {exact_text(self.pieces[-1].high if self.pieces else Fraction(0))} rad on"
+            return "no more was asked for" if self.arcs else "nothing was tried"
+        where = f"from gamma_bar_0 = {exact_text(self.arcs[-1].high if self.arcs else Fraction(0))} rad on"
         return f"{where} {self.stop_reason.value}"
 
     def to_dict(self) -> dict[str, object]:
@@ -226,5 +224,5 @@ class FamilyProof(Proof):
             entries |= {
                 name: claim[name] for name in ("amplitude_end", "omega_end", "unique_within")
             }
-        arcs = [piece_entry(piece) for piece in self.pieces]
+        arcs = [arc_entry(arc) for arc in self.arcs]
         return entries | {"arcs": arcs, "parameters": self.parameters.name}

@@ -17,6 +17,7 @@ from typing import Any, ClassVar, Literal
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import bits_for_digits, checked_digits
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured, field_for_disk, widened
 from tippedisk_verify.proofs.kernel.balls import (
     Unproved,
     arb,
@@ -35,14 +36,13 @@ from tippedisk_verify.proofs.kernel.poincare_map import (
 )
 from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector, midpoint_inverse
-from tippedisk_verify.proofs.numbers import ball_to_measured, model_for_disk, widened
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     Proof,
     SearchStopped,
     certificate_claim,
     first_success,
 )
-from tippedisk_verify.proofs.search.steps import FlightStepSearch, searched_test
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch, searched_test
 
 __all__ = ["LIBRATING_SECTION", "ROTATING_SECTION", "FoldProof", "prove_fold"]
 
@@ -223,18 +223,18 @@ class _FoldAttempt:
         ]
         for _ in range(_MAX_CHORD_STEPS):
             search, start = FlightStepSearch(), (p, m[0])
-            flight = enclose_poincare_map(
-                model_for_disk(self.parameters, m[1]), self.section, start, search
+            image = enclose_poincare_map(
+                field_for_disk(self.parameters, m[1]), self.section, start, search
             )
             steps = matrix_times_vector(
-                inverse, [after - before for after, before in zip(flight.image, start, strict=True)]
+                inverse, [after - before for after, before in zip(image.image, start, strict=True)]
             )
             if all(abs(step) < size / 4 for step, size in zip(steps, radii, strict=True)):
                 break
             m = [(part - step).mid() for part, step in zip(m, steps, strict=True)]
         else:
             raise Unproved("at an end of the arc, the iteration towards the cycle does not settle")
-        fixed = self.test_box(name, end, m, radii, (search, flight))
+        fixed = self.test_box(name, end, m, radii, (search, image))
         require(
             fixed.included, "at an end of the arc, Krawczyk's image does not lie inside the box"
         )

@@ -23,8 +23,8 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
 )
 from tippedisk_verify.proofs.kernel.certificates import (
     connection,
-    connection_cycles,
     cycle,
+    cycles_near_omega_h,
     family,
     fold,
 )
@@ -47,7 +47,7 @@ CERTIFICATE_FORMAT = "tippedisk certificate 3"
 #: states the claim, given the numbers with half-widths.
 KINDS: dict[str, Any] = {
     kind: module
-    for module in (cycle, fold, connection, connection_cycles, family)
+    for module in (cycle, fold, connection, cycles_near_omega_h, family)
     for kind in module.SHAPES
 }
 

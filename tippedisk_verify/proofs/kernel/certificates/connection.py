@@ -148,20 +148,20 @@ def verify_connection(
     _require_eigenvalues(saddle, evidence_source("eigenvalues", saddle))
     start, change, never_flat, whole = _enclose_unstable_branch(saddle, evidence_source)
     arriving = _manifold_graph(saddle, SLOW, evidence_source("slow", saddle))
-    path, branch_boxes = saddle.path(start, evidence_source("flight")), [whole]
+    flight, branch_boxes = saddle.flight(start, evidence_source("flight")), [whole]
     while True:
         try:
-            step = path.step()
+            step = flight.step()
         except FlightStopped:
             raise Unproved("6.2: the flight between the saddles could not be enclosed") from None
         branch_boxes += _boxes_along_step(step)
         never_flat = never_flat and _is_never_flat(step.enclosure[0])
-        path.take_step(step)
-        z = saddle.enclosed_coordinates(path.state_set)
-        if evidence_source("arrived", path, z, arriving):
+        flight.take_step(step)
+        z = saddle.enclosed_coordinates(flight.state_set)
+        if evidence_source("arrived", flight, z, arriving):
             break
     G = saddle.coordinates(
-        [sum(row[k] * x for k, x in enumerate(change)) for row in path.derivatives]
+        [sum(row[k] * x for k, x in enumerate(change)) for row in flight.derivatives]
     )
     extents = evidence_source("block", z, arriving)
     delta, box, matrix = verify_isolating_block(arriving, extents)
@@ -173,7 +173,7 @@ def verify_connection(
     # The deviations of the ends of I from the middle of the speeds are points.
     shifts = [ball(end) - speeds.mid() for end in (low, high)]
     ends = [
-        saddle.enclosed_coordinates(path.state_set, [*path.state_set.deviation[:3], shift])
+        saddle.enclosed_coordinates(flight.state_set, [*flight.state_set.deviation[:3], shift])
         for shift in shifts
     ]
     first, last = (arriving.offset_from_curve(end)[0] for end in ends)

@@ -4,7 +4,8 @@
 an interval of a or, at the Hopf point, one of `scaled_half_map` over an interval of a^2 that begins
 at 0. Over a first box about the polynomials the inclusion and all signs of Theorem 5b
 (docs/certified_cycles.md) are shown. Over a wider box the inclusion alone is shown: it bounds the
-distance of other cycles. The numbers of a `Piece` are exact, because balls are rounded outwards.
+distance of other cycles. The numbers of a `ProvedArc` are exact, because balls are rounded
+outwards.
 
 **One curve.** The first arc begins at the Hopf point, gamma_bar_0 = 0, and each next one begins at
 the end of the last. By Theorem 5b, two arcs are one curve if the enclosure of one arc's cycle,
@@ -43,9 +44,9 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     read_shape,
     require_claimed_enclosure,
 )
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h
 from tippedisk_verify.proofs.kernel.half_map_of_curves import (
-    Arc,
+    ArcTest,
     Curve,
     CurveReplay,
     krawczyk_test_of_arc,
@@ -61,7 +62,7 @@ __all__ = [
     "ArcJob",
     "ArcMap",
     "ArcStatus",
-    "Piece",
+    "ProvedArc",
     "are_joined",
     "curve_fault",
     "enclosed_omega_crit",
@@ -72,7 +73,7 @@ __all__ = [
     "sentence",
     "unique_within",
     "verify",
-    "verify_piece",
+    "verify_arc",
 ]
 
 #: True for a family that reaches up to the connection
@@ -117,13 +118,13 @@ class ArcStatus(Enum):
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A proved piece of the family of limit cycles, for all amplitudes from ``low`` to ``high``
+class ProvedArc:
+    """A proved arc of the family of limit cycles, for all amplitudes from ``low`` to ``high``
     [rad].
 
     ``curve`` holds two polynomials of s, their coefficients beginning with that of s^0. For an
-    ordinary piece they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high -
-    low). A ``scaled`` piece begins at the Hopf point, low = 0. Its first polynomial is v_0 / a
+    ordinary arc they are v_0 [rad/s] and Omega [rad/s], and s = (2 a - low - high) / (high -
+    low). A ``scaled`` arc begins at the Hopf point, low = 0. Its first polynomial is v_0 / a
     [1/s], and s = 2 a^2 / high^2 - 1.
     """
 
@@ -140,7 +141,7 @@ class Piece:
         return not self.low
 
     def at(self, amplitude: Fraction) -> Pair:
-        """Return v_0 [rad/s] and Omega [rad/s] of the piece's polynomials at an amplitude [rad]."""
+        """Return v_0 [rad/s] and Omega [rad/s] of the arc's polynomials at an amplitude [rad]."""
         s = (2 * amplitude - self.low - self.high) / (self.high - self.low)
         if self.scaled:
             s = 2 * amplitude**2 / self.high**2 - 1
@@ -150,9 +151,9 @@ class Piece:
         return self.scaled_to(amplitude, (first, second))
 
     def scaled_to(self, amplitude: Fraction, values: Pair) -> Pair:
-        """Convert values of the piece's two polynomials, or distances from them, to v_0 and Omega.
+        """Convert values of the arc's two polynomials, or distances from them, to v_0 and Omega.
 
-        For a scaled piece the first polynomial is v_0 / a, so its value is multiplied by the
+        For a scaled arc the first polynomial is v_0 / a, so its value is multiplied by the
         amplitude a [rad]. Otherwise both values are returned unchanged.
         """
         return values[0] * (amplitude if self.scaled else 1), values[1]
@@ -177,7 +178,7 @@ def krawczyk_test_of_box(
     arc: Mapping[str, Any],
     radii: Sequence[Fraction],
     proposer: Any,
-) -> Arc:
+) -> ArcTest:
     """Test if there is one limit cycle in a box about each point of an arc, by Krawczyk's operator.
 
     The arc is a curve of approximate cycles, given by polynomials of the amplitude.
@@ -211,26 +212,26 @@ def krawczyk_test_of_box(
     return krawczyk_test_of_arc(field_constants(disk), curve, proposer)
 
 
-def first_unproved_sign(arc: Arc) -> ArcStatus | None:
+def first_unproved_sign(test: ArcTest) -> ArcStatus | None:
     """Return the status that names the first property of an arc of limit cycles that is not shown.
     Return None if all are shown.
 
     The properties are, in this order: Omega falls, the cycles are stable, the period grows and
     beta_max grows.
     """
-    falling, stable = arc.speed_falls(), arc.stable()
+    falling, stable = test.speed_falls(), test.stable()
     if not falling:
         return ArcStatus.SPEED_NOT_FALLING if falling is None else ArcStatus.SPEED_GROWS
     if not stable:
         return ArcStatus.NOT_STABLE if stable is None else ArcStatus.UNSTABLE
-    if not arc.period_grows():
+    if not test.period_grows():
         return ArcStatus.PERIOD_NOT_GROWING
-    return None if arc.beta_max_grows() else ArcStatus.BETA_MAX_NOT_GROWING
+    return None if test.beta_max_grows() else ArcStatus.BETA_MAX_NOT_GROWING
 
 
-def verify_piece(job: ArcJob) -> Piece:
-    """Check one arc in a certificate about the family of limit cycles, and return the piece that it
-    proves.
+def verify_arc(job: ArcJob) -> ProvedArc:
+    """Check one arc in a certificate about the family of limit cycles, and return it as a proved
+    arc.
 
     ``job`` holds the disk, the amplitude at which the arc begins, the arc's number and its
     evidence. Raises Unproved with the test that fails, and NotACertificate if the evidence has a
@@ -239,7 +240,7 @@ def verify_piece(job: ArcJob) -> Piece:
     disk, low, number, content = job
     arc = read_shape(content, ARC_SHAPE, f"arc {number}")
     names = [name for name in ("box", "wide box") if name in arc]
-    tests: list[Arc] = []
+    tests: list[ArcTest] = []
     with working_precision(arc["bits"]):
         for name in names:
             radii = [Fraction(text) for text in arc[name]["radii"]]
@@ -259,7 +260,7 @@ def verify_piece(job: ArcJob) -> Piece:
         f"arc {number}: the wide box does not hold the other one",
     )
     v, omega = (tuple(map(Fraction, row)) for row in arc["curve"])
-    return Piece(
+    return ProvedArc(
         low,
         Fraction(arc["end"]),
         (v, omega),
@@ -270,23 +271,23 @@ def verify_piece(job: ArcJob) -> Piece:
 
 
 #: `map`, or that of a pool of processes
-ArcMap = Callable[[Callable[[ArcJob], Piece], Sequence[ArcJob]], Iterable[Piece]]
+ArcMap = Callable[[Callable[[ArcJob], ProvedArc], Sequence[ArcJob]], Iterable[ProvedArc]]
 
 
-def are_joined(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if two pieces of the family provably have the same limit cycle at an amplitude
+def are_joined(first: ProvedArc, second: ProvedArc, amplitude: Fraction) -> bool:
+    """Return True if two arcs of the family provably have the same limit cycle at an amplitude
     [rad].
 
-    Returns False unless both pieces include the amplitude and it is positive.
+    Returns False unless both arcs include the amplitude and it is positive.
     """
-    if not all(piece.low <= amplitude <= piece.high for piece in (first, second)) or amplitude <= 0:
+    if not all(arc.low <= amplitude <= arc.high for arc in (first, second)) or amplitude <= 0:
         return False
     return _cycle_lies_in(first, second, amplitude) or _cycle_lies_in(second, first, amplitude)
 
 
-def _cycle_lies_in(first: Piece, second: Piece, amplitude: Fraction) -> bool:
-    """Return True if the first piece's cycle at this amplitude is certainly the second piece's
-    cycle: its enclosure lies in the second piece's box of uniqueness.
+def _cycle_lies_in(first: ProvedArc, second: ProvedArc, amplitude: Fraction) -> bool:
+    """Return True if the first arc's cycle at this amplitude is certainly the second arc's
+    cycle: its enclosure lies in the second arc's box of uniqueness.
     """
     parts = zip(
         first.at(amplitude),
@@ -306,43 +307,43 @@ def enclosed_omega_crit(disk: Mapping[str, str]) -> Any:
     return (c.r + c.e) * (c.g / (c.r * c.b)).sqrt()
 
 
-def curve_fault(disk: Mapping[str, str], pieces: Sequence[Piece]) -> str:
-    """Return the reason why pieces of the family are not proved to be one curve from the Hopf point
+def curve_fault(disk: Mapping[str, str], arcs: Sequence[ProvedArc]) -> str:
+    """Return the reason why arcs of the family are not proved to be one curve from the Hopf point
     on.
 
     Returns '' if they are proved to be one curve.
     """
-    if not pieces:
+    if not arcs:
         return "there are no arcs"
-    off = enclosed_omega_crit(disk) - ball(pieces[0].at(Fraction(0))[1])
-    if not (pieces[0].scaled and bool(abs(off) <= ball(pieces[0].within[1]))):
+    off = enclosed_omega_crit(disk) - ball(arcs[0].at(Fraction(0))[1])
+    if not (arcs[0].scaled and bool(abs(off) <= ball(arcs[0].within[1]))):
         return "arc 1: it is not shown to begin at the Hopf point"
-    for number, (first, second) in enumerate(pairwise(pieces), 2):
+    for number, (first, second) in enumerate(pairwise(arcs), 2):
         if first.high != second.low or not are_joined(first, second, second.low):
             return f"arcs {number - 1} and {number} are not shown to be one curve"
     return ""
 
 
-def unique_within(pieces: Sequence[Piece]) -> tuple[Fraction, Fraction, Fraction]:
+def unique_within(arcs: Sequence[ProvedArc]) -> tuple[Fraction, Fraction, Fraction]:
     """Return three distances within which each limit cycle of the family is unique.
 
     No second cycle with the same gamma_bar_0 is nearer. They are a distance in v_0 / gamma_bar_0
-    [1/s] on the first piece, one in v_0 [rad/s] on all later pieces, and one in Omega [rad/s] on
-    all pieces.
+    [1/s] on the first arc, one in v_0 [rad/s] on all later arcs, and one in Omega [rad/s] on all
+    arcs.
     """
     distances = [
-        [distance - near for distance, near in zip(piece.unique_within, piece.within, strict=True)]
-        for piece in pieces
+        [distance - near for distance, near in zip(arc.unique_within, arc.within, strict=True)]
+        for arc in arcs
     ]
     later = [distance[0] for distance in distances[1:]] or [distances[0][0]]
     return distances[0][0], min(later), min(distance[1] for distance in distances)
 
 
-def last_cycle(pieces: Sequence[Piece]) -> tuple[Any, Any, Any]:
+def last_cycle(arcs: Sequence[ProvedArc]) -> tuple[Any, Any, Any]:
     """Return balls of Omega [rad/s], gamma_bar_0 [rad] and v_0 [rad/s] of the limit cycle at which
-    the last piece ends.
+    the last arc ends.
     """
-    last = pieces[-1]
+    last = arcs[-1]
     middle, off = last.at(last.high), last.scaled_to(last.high, last.within)
     v, omega = (ball(x) + arb(0, 1) * ball(near) for x, near in zip(middle, off, strict=True))
     return omega, ball(last.high), v
@@ -357,14 +358,14 @@ _CLAIM_SHAPE: dict[str, Any] = {
 _WHOLE_CLAIM_SHAPE = {
     **_CLAIM_SHAPE,
     "numbers": {"omega_crit": NUMBER_SHAPE, "omega_h": NUMBER_SHAPE},
-    **connection_cycles.CLAIM_SHAPE,
+    **cycles_near_omega_h.CLAIM_SHAPE,
 }
 _ARCS_SHAPE = [ARC_SHAPE, None]
 SHAPES = {
     "family of limit cycles": (_CLAIM_SHAPE, {"arcs": _ARCS_SHAPE}),
     "whole family of limit cycles": (
         _WHOLE_CLAIM_SHAPE,
-        {"arcs": _ARCS_SHAPE, "end": connection_cycles.EVIDENCE_SHAPE},
+        {"arcs": _ARCS_SHAPE, "end": cycles_near_omega_h.EVIDENCE_SHAPE},
     ),
 }
 
@@ -373,23 +374,25 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcM
     """Check a certificate about the family of limit cycles. Raise Unproved unless its evidence
     proves its claim.
 
-    ``map_arcs`` applies `verify_piece` to the arcs, which are independent of each other.
+    ``map_arcs`` applies `verify_arc` to the arcs, which are independent of each other.
     """
-    disk, arcs = claim["parameters"], evidence["arcs"]
-    lows = [Fraction(0), *(Fraction(arc["end"]) for arc in arcs)]
-    jobs = [(disk, low, k, arc) for k, (low, arc) in enumerate(zip(lows, arcs, strict=False), 1)]
-    pieces = list(map_arcs(verify_piece, jobs))
-    fault = curve_fault(disk, pieces)
+    disk, entries = claim["parameters"], evidence["arcs"]
+    lows = [Fraction(0), *(Fraction(entry["end"]) for entry in entries)]
+    jobs = [
+        (disk, low, k, entry) for k, (low, entry) in enumerate(zip(lows, entries, strict=False), 1)
+    ]
+    arcs = list(map_arcs(verify_arc, jobs))
+    fault = curve_fault(disk, arcs)
     require(not fault, fault)
     for name, amplitude in (
-        ("amplitude_first", pieces[0].high),
-        ("amplitude_end", pieces[-1].high),
+        ("amplitude_first", arcs[0].high),
+        ("amplitude_end", arcs[-1].high),
     ):
         require(
             Fraction(claim[name]) == amplitude,
             f"claim: {name} is not the amplitude at which an arc ends",
         )
-    highest = pieces[-1].speeds(pieces[-1].high)[1]
+    highest = arcs[-1].speeds(arcs[-1].high)[1]
     require(
         highest <= Fraction(claim["omega_end"]),
         "claim: omega_end is not shown to lie above the last cycle's speed",
@@ -397,14 +400,14 @@ def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any], map_arcs: ArcM
     require_claimed_enclosure(
         claim["numbers"]["omega_crit"], enclosed_omega_crit(disk), "omega_crit"
     )
-    for name, distance in zip(_UNIQUENESS_KEYS, unique_within(pieces), strict=True):
+    for name, distance in zip(_UNIQUENESS_KEYS, unique_within(arcs), strict=True):
         require(
             distance >= Fraction(claim["unique_within"][name]) > 0,
             f"claim: it is not shown that no other {name} is so near",
         )
     if KINDS[claim["kind"]]:
-        contains_cycle = connection_cycles.verify(claim, evidence["end"]).contains_cycle(
-            *last_cycle(pieces)
+        contains_cycle = cycles_near_omega_h.verify(claim, evidence["end"]).contains_cycle(
+            *last_cycle(arcs)
         )
         require(
             contains_cycle,

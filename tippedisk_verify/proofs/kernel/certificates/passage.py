@@ -116,7 +116,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     wedge_product,
 )
 from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 
 __all__ = ["SaddlePassage", "enclose_arrivals"]
@@ -486,22 +486,22 @@ def enclose_arrivals(
     Raises:
         Unproved: With the number of the first flight that is not proved.
     """
-    path, s = (
-        saddle.path([slow.constant(extents[U]), slow, slow.constant(fast)], _ImageAxes()),
+    flight, s = (
+        saddle.flight([slow.constant(extents[U]), slow, slow.constant(fast)], _ImageAxes()),
         extents[S],
     )
     maxima: list[list[Any]] = []
     has_maximum = np.zeros(len(lengths), bool)
     for number in range(1, count + 1):
-        step = StepTrial(path, (_ORDER, _ORDER)).tested_step(BallArray(lengths))
+        step = StepTrial(flight, (_ORDER, _ORDER)).tested_step(BallArray(lengths))
         _require_all(
             "the states and derivatives over a step are not shown to stay in its enclosure",
             step.included,
         )
-        may_have_maximum = _may_have_maximum(path.model, step)
+        may_have_maximum = _may_have_maximum(flight.field, step)
         if may_have_maximum.any():
             half = step.length / 2
-            by = step.path_derivatives_at(half + half.around_zero())[0][1:]
+            by = step.flight_derivatives_at(half + half.around_zero())[0][1:]
             maxima.append(
                 [hull_of_ball_array(x[may_have_maximum]) for x in (step.enclosure[0], *by)]
             )
@@ -509,9 +509,9 @@ def enclose_arrivals(
         on_progress(number / count)
         if number == count:
             break
-        path.take_step(step)
+        flight.take_step(step)
         z = saddle.second_saddle_coordinates(step.enclosure)
-        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(path.state_set)[S] + s
+        rate, level = saddle.rates(z)[S], saddle.enclosed_coordinates(flight.state_set)[S] + s
         _require_all(
             "it is not shown to be on its way",
             (-level).positive(),
@@ -519,7 +519,7 @@ def enclose_arrivals(
         )
     _require_all("beta_bar is not shown to have a largest value on the way", has_maximum)
     beta = columnwise_hull(maxima)
-    time, *landed = _enclosed_arrival(saddle, path, step, s)
+    time, *landed = _enclosed_arrival(saddle, flight, step, s)
     begin = step.length * (count - 1)
     rows = [*landed, [begin + time[0], *time[1:]]]
     return [*([hull_of_ball_array(x) for x in row] for row in rows), beta]
@@ -551,7 +551,7 @@ def _require_all(statement: str, *verified: NDArray[np.bool_]) -> None:
         raise Unproved(f"flight {int(np.argmin(flights)) + 1}: {statement}")
 
 
-def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
+def _may_have_maximum(field: EnclosedField, step: Step) -> NDArray[np.bool_]:
     """Show that gamma grows and that v has at most one zero in the step of each flight.
 
     Returns a mask of the flights in which v may have a zero. Raises Unproved with the first flight
@@ -567,12 +567,14 @@ def _may_have_maximum(model: Model, step: Step) -> NDArray[np.bool_]:
     if may_have_maximum.any():
         _require_all(
             "v is not shown to pass zero once",
-            ~may_have_maximum | model.rates(step.enclosure)[2].negative(),
+            ~may_have_maximum | field.rates(step.enclosure)[2].negative(),
         )
     return may_have_maximum
 
 
-def _enclosed_arrival(saddle: SaddleCoordinates, path: Path, step: Step, s: Any) -> list[list[Any]]:
+def _enclosed_arrival(
+    saddle: SaddleCoordinates, flight: EnclosedFlight, step: Step, s: Any
+) -> list[list[Any]]:
     """Enclose where and when flights arrive on the section z_s = -s, in the last step of each.
 
     Returns three rows: for the time [s] since the step's start, for z_u and for z_f. Each row has
@@ -581,7 +583,7 @@ def _enclosed_arrival(saddle: SaddleCoordinates, path: Path, step: Step, s: Any)
     """
     # By the mean value theorem about the middle of the step.
     middle = step.length / 2
-    level = saddle.enclosed_coordinates(path.states_after(step, middle))[S] + s
+    level = saddle.enclosed_coordinates(flight.states_after(step, middle))[S] + s
     rate = saddle.rates(saddle.second_saddle_coordinates(step.enclosure))[S]
     for _ in range(2):
         _require_all("it is not shown to pass z_s = -s once", rate.positive())
@@ -592,9 +594,9 @@ def _enclosed_arrival(saddle: SaddleCoordinates, path: Path, step: Step, s: Any)
             (step.length - time).positive(),
         )
         rate = saddle.rates(
-            saddle.enclosed_coordinates(path.states_after(step, time.union(middle)))
+            saddle.enclosed_coordinates(flight.states_after(step, time.union(middle)))
         )[S]
-    state_set = path.states_after(step, time)
+    state_set = flight.states_after(step, time)
     z = saddle.enclosed_coordinates(state_set)
     z[S] = z[S].constant(-s)
     rates, rows = saddle.rates(z), saddle.columns_in_coordinates(state_set.derivative_matrix())

@@ -87,8 +87,8 @@ from tippedisk_verify.proofs.kernel.balls import (
 )
 from tippedisk_verify.proofs.kernel.certificate_format import FRICTION_LAWS
 from tippedisk_verify.proofs.kernel.doubleton import Doubleton
-from tippedisk_verify.proofs.kernel.proved_flow import Model, Path
-from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
+from tippedisk_verify.proofs.kernel.sliding import field_for_friction
 from tippedisk_verify.proofs.kernel.small_matrices import matrix_times_vector
 from tippedisk_verify.proofs.kernel.step import evaluate_polynomial
 from tippedisk_verify.proofs.kernel.vector_field import (
@@ -250,7 +250,7 @@ class SaddleCoordinates:
 
     def vector_field_maker(self, side: int | None) -> Any:
         """Return the field F in the coordinates z, as the ``make_vector_field`` that
-        `proved_flow.Model` expects.
+        `proved_flow.EnclosedField` expects.
 
         ``side`` is the sign of gamma_y (1 or -1) whose analytic law is meant; None is the law
         itself.
@@ -285,10 +285,11 @@ class SaddleCoordinates:
         return FRICTION_LAWS[self.friction].two_sided
 
     @cached_property
-    def _models(self) -> dict[int | None, Model]:
+    def _fields(self) -> dict[int | None, EnclosedField]:
         sides = (1, -1) if self.two_sided else (None,)
         return {
-            side: Model(self.constants, self.omega, self.vector_field_maker(side)) for side in sides
+            side: EnclosedField(self.constants, self.omega, self.vector_field_maker(side))
+            for side in sides
         }
 
     def rates_and_derivatives(
@@ -304,8 +305,8 @@ class SaddleCoordinates:
             *(ball(int(row == column)) + 0 * z[0] for column in range(4) for row in range(3)),
         ]
         sets = [
-            [series[1] for series in model.variational_system.coefficients(start, 1)]
-            for own, model in self._models.items()
+            [series[1] for series in field.variational_system.coefficients(start, 1)]
+            for own, field in self._fields.items()
             if own is None or side in (None, own)
         ]
         derivatives = columnwise_hull(sets)
@@ -327,19 +328,19 @@ class SaddleCoordinates:
             )
             return coefficient(moved, 1)
 
-    def path(self, z: Sequence[Any], proposer: Any) -> Path:
-        """Return the proved flight (a path, before its first step) of all orbits from a box of z
+    def flight(self, z: Sequence[Any], proposer: Any) -> EnclosedFlight:
+        """Return the proved flight, before its first step, of all orbits from a box of z
         about the first saddle.
 
-        ``proposer`` chooses its steps. The path also carries the derivatives with respect to the
+        ``proposer`` chooses its steps. The flight also carries the derivatives with respect to the
         coordinates z at the start and the speed.
         """
         beta, gamma, v = self.offset([x.mid() for x in z])
         start = [beta, gamma - arb.pi(), v]
-        path = model_for_friction(self.friction, self.constants, self.omega).path(
+        flight = field_for_friction(self.friction, self.constants, self.omega).flight(
             start, proposer, derivatives=True
         )
-        state_set = path.state_set = Doubleton([x.mid() for x in start], self.omega)
+        state_set = flight.state_set = Doubleton([x.mid() for x in start], self.omega)
         directions = self.directions.tolist()
         state_set.axes, state_set.remainder = (
             directions,
@@ -350,8 +351,8 @@ class SaddleCoordinates:
             for row, entries in zip(directions, state_set.linear_part, strict=True)
         ]
         state_set.deviation = [*(x - x.mid() for x in z), state_set.deviation[3]]
-        path.box = state_set.box()
-        return path
+        flight.box = state_set.box()
+        return flight
 
     def enclosed_coordinates(
         self, state_set: Doubleton, deviation: Sequence[Any] | None = None
@@ -461,17 +462,17 @@ class ManifoldGraph:
         """
         return [evaluate_polynomial(row[1:], theta) for row in self.graph]
 
-    def require_side(self, reach: Any, cone: Sequence[Any]) -> None:
+    def require_side(self, theta_max: Any, cone: Sequence[Any]) -> None:
         """Raise Unproved unless gamma_y has the sign of the curve's side all over a cone.
 
-        The cone consists of |w_i| <= cone_i theta, 0 < theta <= reach, where w is the offset from
-        the curve. A curve without a side passes.
+        The cone consists of |w_i| <= cone_i theta, 0 < theta <= theta_max, where w is the offset
+        from the curve. A curve without a side passes.
         """
         if self.side is None:
             return
-        span = arb(0).union(reach)
+        span = arb(0).union(theta_max)
         z, direction = (
-            self.point(span, [arb(0, magnitude_bound(k * reach)) for k in cone]),
+            self.point(span, [arb(0, magnitude_bound(k * theta_max)) for k in cone]),
             [arb(1)] * 3,
         )
         for other, steep, k in zip(self.others, self.secant_slopes(span), cone, strict=True):
@@ -491,15 +492,15 @@ class ManifoldGraph:
             pairs = zip(self.others, self.slopes(variable), strict=True)
             return [rates[other] - slope * rates[self.along] for other, slope in pairs]
 
-    def relative_defect(self, reach: Any) -> list[Any]:
-        """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= reach and all speeds.
+    def relative_defect(self, theta_max: Any) -> list[Any]:
+        """Return two bounds of |D(theta)| / |theta| for 0 < |theta| <= theta_max and all speeds.
 
         D is the curve's defect of invariance. Returns NaN where there is no bound. Raises Unproved
         if D is not 0 at the saddle.
         """
-        order, whole = self.order, arb(0).union(reach)
+        order, whole = self.order, arb(0).union(theta_max)
         if self.side is None:
-            whole = whole.union(-reach)
+            whole = whole.union(-theta_max)
         inside = self.defect(arb(0), order)
         try:
             over = self.defect(whole, order + 1)
@@ -509,9 +510,9 @@ class ManifoldGraph:
         bounds = []
         for inner, outer in zip(inside, over, strict=True):
             require(bool(coefficient(inner, 0) == 0), "6.1: the saddle is not at rest")
-            total = magnitude_bound(coefficient(outer, order + 1)) * reach**order
+            total = magnitude_bound(coefficient(outer, order + 1)) * theta_max**order
             for power in range(1, order + 1):
-                total += magnitude_bound(coefficient(inner, power)) * reach ** (power - 1)
+                total += magnitude_bound(coefficient(inner, power)) * theta_max ** (power - 1)
             bounds.append(magnitude_bound(total))
         return bounds
 

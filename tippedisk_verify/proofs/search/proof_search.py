@@ -22,7 +22,7 @@ from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import Unproved, arb
 from tippedisk_verify.proofs.kernel.certificate_format import digest, dyadic_text
 from tippedisk_verify.proofs.kernel.certificates import CERTIFICATE_FORMAT, sentence
-from tippedisk_verify.proofs.search.steps import FlightStepSearch
+from tippedisk_verify.proofs.search.step_search import FlightStepSearch
 
 __all__ = [
     "EvidenceSearch",

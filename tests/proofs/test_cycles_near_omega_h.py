@@ -21,10 +21,10 @@ from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, ma
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
-from tippedisk_verify.proofs.kernel.certificates import connection_cycles as module
+from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h as module
 from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
-from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
-    EnclosedConnectionCycles,
+from tippedisk_verify.proofs.kernel.certificates.cycles_near_omega_h import (
+    EnclosedCyclesNearOmegaH,
     LoopMap,
     verify_cycles,
 )
@@ -126,13 +126,13 @@ def test_steps_backwards_or_too_long_are_refused_with_their_flight(share: float)
 )
 def test_what_is_asked_of_a_step(beta: Any, v: Any, slows: float, line: Any) -> None:
     """beta_bar and v over it, and the sign of v'."""
-    model: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
+    field: Any = SimpleNamespace(rates=lambda state: (None, None, BallArray([float(slows)] * 2)))
     step: Any = SimpleNamespace(enclosure=(BallArray(beta), None, BallArray.of(v)))
     if isinstance(line, list):
-        assert flights_module._may_have_maximum(model, step).tolist() == line
+        assert flights_module._may_have_maximum(field, step).tolist() == line
     else:
         with pytest.raises(Unproved, match=line):
-            flights_module._may_have_maximum(model, step)
+            flights_module._may_have_maximum(field, step)
 
 
 def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
@@ -143,7 +143,7 @@ def test_a_flight_in_which_beta_bar_has_no_largest_value_is_refused(
     """
     for shown in ([False, False], [True, False]):
         monkeypatch.setattr(
-            flights_module, "_may_have_maximum", lambda model, step, shown=shown: np.array(shown)
+            flights_module, "_may_have_maximum", lambda field, step, shown=shown: np.array(shown)
         )
         with pytest.raises(
             Unproved,
@@ -236,7 +236,7 @@ def test_an_interval_that_is_empty_is_refused(low: str, high: str) -> None:
 
 
 def test_the_end_that_is_shown_knows_its_cycles() -> None:
-    end = EnclosedConnectionCycles(
+    end = EnclosedCyclesNearOmegaH(
         Fraction("30.0479"), Fraction("30.0569"), OMEGA_H, Fraction("0.14"), Fraction("0.268")
     )
     omega = OMEGA_H + Fraction(1, 10**4)

@@ -158,7 +158,7 @@ __all__ = [
     "EVIDENCE_SHAPE",
     "LID_REFUSAL",
     "SHAPES",
-    "EnclosedConnectionCycles",
+    "EnclosedCyclesNearOmegaH",
     "LoopMap",
     "sentence",
     "verify",
@@ -204,7 +204,7 @@ EVIDENCE_SHAPE = CYCLES_EVIDENCE_SHAPE | {
 
 
 @dataclass(frozen=True)
-class EnclosedConnectionCycles:
+class EnclosedCyclesNearOmegaH:
     """A verified result about the limit cycles at speeds just above Omega_h, in (Omega_h, high].
 
     At each of these speeds the half map P has exactly one fixed point in the set Q of the module's
@@ -245,7 +245,7 @@ def verify_cycles(
     high: Fraction,
     evidence_source: Callable[..., Any],
     on_progress: Callable[[float], None] = lambda share: None,
-) -> EnclosedConnectionCycles:
+) -> EnclosedCyclesNearOmegaH:
     """Prove the limit cycles next to the connection: the half map has one fixed point in Q at each
     speed above Omega_h, and none at Omega_h or below.
 
@@ -285,7 +285,7 @@ def verify_cycles(
         _flights(loop_map, low, high, evidence_source("flights", loop_map), on_progress)
     )
     c, d = (Fraction(entry[name]) for name in ("gamma", "v"))
-    return EnclosedConnectionCycles(
+    return EnclosedCyclesNearOmegaH(
         low, high, connection.high, c, d, kappa, loop_map.min_passage_time
     )
 
@@ -553,7 +553,7 @@ SHAPES = {
 }
 
 
-def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> EnclosedConnectionCycles:
+def verify(claim: Mapping[str, Any], evidence: Mapping[str, Any]) -> EnclosedCyclesNearOmegaH:
     """Check a certificate about the limit cycles next to the connection: repeat the proof with the
     evidence that it records.
 

@@ -1,5 +1,5 @@
-"""The search for the proof of the cycles next to the connection
-(`kernel.certificates.connection_cycles`).
+"""The search for the proof of the cycles near Omega_h, next to the connection
+(`kernel.certificates.cycles_near_omega_h`).
 
 Extents and weights of cones fit the three named disks and those near them. Other weights follow
 from the kernel's enclosures. The lid eta is a little more than the bound of |z_u| after one round
@@ -26,21 +26,21 @@ from tippedisk_verify.model import equations
 from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import exact, short_text
 from tippedisk_verify.numbers.precision import DOUBLE
+from tippedisk_verify.proofs.ball_conversions import ball_to_measured
 from tippedisk_verify.proofs.closed_forms import refuse_past_birth
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
 from tippedisk_verify.proofs.kernel.certificates.connection import EnclosedConnection
-from tippedisk_verify.proofs.kernel.certificates.connection_cycles import (
+from tippedisk_verify.proofs.kernel.certificates.cycles_near_omega_h import (
     CLAIM_SHAPE,
     LID_REFUSAL,
-    EnclosedConnectionCycles,
+    EnclosedCyclesNearOmegaH,
     LoopMap,
     verify_cycles,
 )
 from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
 from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
-from tippedisk_verify.proofs.numbers import ball_to_measured
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, eigenvectors
-from tippedisk_verify.proofs.search.proof import (
+from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,
     Proof,
     SearchStopped,
@@ -49,10 +49,10 @@ from tippedisk_verify.proofs.search.proof import (
 )
 
 __all__ = [
-    "ConnectionCyclesProof",
-    "ConnectionCyclesStatus",
+    "CyclesNearOmegaHProof",
+    "CyclesNearOmegaHStatus",
     "checked_distance",
-    "prove_connection_cycles",
+    "prove_cycles_near_omega_h",
 ]
 
 # u, s, t: the extent of |z_f| allows starts on the section beta = pi/2 off the slow manifold
@@ -78,7 +78,7 @@ _FLIGHT_STEP, _MAX_FLIGHT_STEPS = (
 Array = NDArray[np.float64]
 
 
-class ConnectionCyclesStatus(Enum):
+class CyclesNearOmegaHStatus(Enum):
     """The ways in which a proof of the limit cycles next to the heteroclinic connection can end;
     each value is a message with what to try next.
     """
@@ -94,13 +94,13 @@ class ConnectionCyclesStatus(Enum):
 
 
 @dataclass(frozen=True, repr=False)
-class ConnectionCyclesProof(Proof):
+class CyclesNearOmegaHProof(Proof):
     """The proof of the limit cycles next to the heteroclinic connection, successful or not.
 
     If the status is PROVED, it holds at speeds from ``low`` to ``high`` [rad/s].
     """
 
-    status: ConnectionCyclesStatus
+    status: CyclesNearOmegaHStatus
     connection: ConnectionProof
     low: Fraction = Fraction(0)
     high: Fraction = Fraction(0)
@@ -153,7 +153,7 @@ class ConnectionCyclesProof(Proof):
         if not self.proved or self.connection.omega_h is None:
             return False
         above = self.connection.omega_h.value + self.connection.omega_h.uncertainty
-        return EnclosedConnectionCycles(
+        return EnclosedCyclesNearOmegaH(
             self.low, self.high, above, self.gamma, self.v
         ).contains_cycle(omega, gamma_bar, v)
 
@@ -172,26 +172,26 @@ class ConnectionCyclesProof(Proof):
         }
 
 
-def prove_connection_cycles(
+def prove_cycles_near_omega_h(
     connection: ConnectionProof,
-    reach: object = "0.008",
+    above: object = "0.008",
     below: object = "0.0015",
     on_progress: Callable[[float], None] = lambda share: None,
-) -> ConnectionCyclesProof:
+) -> CyclesNearOmegaHProof:
     """Prove the limit cycles at speeds just above Omega_h, and their absence just below it.
 
-    The speeds go from ``below`` under a proved connection to ``reach`` above it. Both distances
+    The speeds go from ``below`` under a proved connection to ``above`` over it. Both distances
     [rad/s] count from Omega_h rounded to four decimals. ``on_progress`` is called with the share of
     the flights that is done. Raises InputError for the smooth law and for distances out of range,
     and NoConnectionError as `eigenvectors` does.
     """
     parameters, omega_h = connection.parameters, connection.omega_h
-    above, under = checked_distance(reach), checked_distance(below)
+    distance_above, distance_below = checked_distance(above), checked_distance(below)
     if not connection.proved or omega_h is None or connection.verified is None:
-        return ConnectionCyclesProof(ConnectionCyclesStatus.NO_CONNECTION, connection)
+        return CyclesNearOmegaHProof(CyclesNearOmegaHStatus.NO_CONNECTION, connection)
     parameters.refuse_unless_linear("the cycles next to the connection are proved")
     middle = round(omega_h.value, 4)
-    low, high = middle - under, middle + above
+    low, high = middle - distance_below, middle + distance_above
     if not low < omega_h.value - omega_h.uncertainty < omega_h.value + omega_h.uncertainty < high:
         raise InputError("Omega_h is not between the ends: give larger numbers")
     refuse_past_birth(parameters, high)
@@ -199,7 +199,7 @@ def prove_connection_cycles(
     try:
         return first_success(search.attempt, 0, _ATTEMPTS)
     except SearchStopped as fault:
-        return ConnectionCyclesProof(fault.status, connection, low, high, outcome_detail=str(fault))
+        return CyclesNearOmegaHProof(fault.status, connection, low, high, outcome_detail=str(fault))
 
 
 def checked_distance(number: object) -> Fraction:
@@ -234,7 +234,7 @@ class _CyclesSearch(EvidenceSearch):
         self.connection, self.verified = connection, verified
         self.low, self.high, self.on_progress = low, high, on_progress
 
-    def attempt(self, lids_tried: int) -> ConnectionCyclesProof:
+    def attempt(self, lids_tried: int) -> CyclesNearOmegaHProof:
         self.lid_factor = _LID_FACTOR**lids_tried
         try:
             with working_precision(self.connection.bits):
@@ -245,8 +245,8 @@ class _CyclesSearch(EvidenceSearch):
         entry = self.log["entry"]
         numbers = {"kappa": end.kappa, "eta": entry["lid"], "T": end.min_passage_time}
         own_entry = {name: part for name, part in entry.items() if name not in CLAIM_SHAPE}
-        return ConnectionCyclesProof(
-            ConnectionCyclesStatus.PROVED,
+        return CyclesNearOmegaHProof(
+            CyclesNearOmegaHStatus.PROVED,
             self.connection,
             self.low,
             self.high,
@@ -256,17 +256,17 @@ class _CyclesSearch(EvidenceSearch):
             own_evidence=self.log | {"entry": own_entry},
         )
 
-    def failure_status(self, fault: Unproved) -> ConnectionCyclesStatus:
+    def failure_status(self, fault: Unproved) -> CyclesNearOmegaHStatus:
         """Return the status that names the stage of the proof at which the kernel or this search
         gave up.
         """
         if isinstance(fault, SearchStopped):
-            return ConnectionCyclesStatus(fault.status)
+            return CyclesNearOmegaHStatus(fault.status)
         if "connection" in str(fault):
-            return ConnectionCyclesStatus.APART
+            return CyclesNearOmegaHStatus.APART
         if str(fault).startswith("flight"):
-            return ConnectionCyclesStatus.FLIGHT
-        return ConnectionCyclesStatus.INEQUALITY
+            return CyclesNearOmegaHStatus.FLIGHT
+        return CyclesNearOmegaHStatus.INEQUALITY
 
     def box(self) -> dict[str, Any]:
         middle = (self.verified.low + self.verified.high) / 2
@@ -311,9 +311,9 @@ class _CyclesSearch(EvidenceSearch):
         lid = abs(arrival)
         for _ in range(_SEARCH_ROUNDS):
             if lid > float(passage.extents[0]) / 2:
-                raise SearchStopped(ConnectionCyclesStatus.NO_LID)
-            reach = float(LoopMap(passage, self._entry(passage, lid)).exit_z_s[1]) / _SLOW_CELL
-            lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * reach + wide)
+                raise SearchStopped(CyclesNearOmegaHStatus.NO_LID)
+            cell_count = float(LoopMap(passage, self._entry(passage, lid)).exit_z_s[1]) / _SLOW_CELL
+            lid = _LID_FACTOR * (abs(arrival) + abs(further - arrival) * cell_count + wide)
         return self._entry(passage, lid * self.lid_factor)
 
     def _entry(self, passage: SaddlePassage, lid: float) -> dict[str, Any]:

@@ -19,7 +19,7 @@ from tippedisk_verify.proofs.kernel.balls import arb, working_bits
 from tippedisk_verify.proofs.kernel.certificate_format import dyadic_text
 from tippedisk_verify.proofs.kernel.krawczyk import KrawczykResult, krawczyk_test
 from tippedisk_verify.proofs.kernel.poincare_map import PoincareImage, PoincareSection
-from tippedisk_verify.proofs.kernel.proved_flow import Path
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
 from tippedisk_verify.proofs.kernel.sliding import SlidingReversalStep
 from tippedisk_verify.proofs.kernel.small_matrices import Matrix, midpoint_inverse
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial, log2_magnitude
@@ -60,31 +60,31 @@ class FlightStepSearch:
         """
         return FlightStepSearch()
 
-    def next_step(self, path: Path, max_length: float | None) -> Step | None:
-        """Return a step of the path that the kernel's test proves, at most ``max_length`` seconds
+    def next_step(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
+        """Return a step of the flight that the kernel's test proves, at most ``max_length`` seconds
         long.
 
         Its remainders are at most as large as rounding, or as a small share of the box. Returns
         None if no step passes.
         """
         try:
-            return self._trials(path, max_length)
+            return self._trials(flight, max_length)
         except OverflowError:
             return None
 
-    def _trials(self, path: Path, max_length: float | None) -> Step | None:
+    def _trials(self, flight: EnclosedFlight, max_length: float | None) -> Step | None:
         """Try steps of falling length, at most ``max_length`` seconds, and return the first one
         that the kernel's test proves with small remainders. Return None if all fail.
         """
         bits = working_bits()
         order = _taylor_order(bits)
-        allowed, rough_allowed = _allowed_remainders(path, bits)
+        allowed, rough_allowed = _allowed_remainders(flight, bits)
         rough_order = (
             min(order, _taylor_order(-rough_allowed, _WIDE_ORDER))
-            if path.carries_derivatives
+            if flight.carries_derivatives
             else _MIN_ORDER
         )
-        trial = StepTrial(path, (order, rough_order))
+        trial = StepTrial(flight, (order, rough_order))
         if rough_order < order:
             stiffness = float(abs(trial.box_series[11][1]).abs_upper())
             max_length = min(
@@ -92,10 +92,10 @@ class FlightStepSearch:
                 rounded_down_to_20_bits(_MAX_DECAY / max(1.0, stiffness)),
             )
         sizes = [max(0, log2_magnitude(column[0])) for column in trial.box_series[3:]]
-        reach, share = _estimated_length(trial.midpoint_series, allowed), self._share
+        estimated_length, share = _estimated_length(trial.midpoint_series, allowed), self._share
         for _ in range(_MAX_TRIALS):
             length = rounded_down_to_20_bits(
-                min(reach * share, max_length if max_length is not None else math.inf)
+                min(estimated_length * share, max_length if max_length is not None else math.inf)
             )
             if length < _MIN_STEP:
                 return None
@@ -111,13 +111,13 @@ class FlightStepSearch:
                 _length_excess(fine, [0, 0, 0], allowed, length, order + 1),
                 _length_excess(rough, sizes, [rough_allowed] * len(sizes), length, rough_order + 1),
             )
-            better = length / reach * 2.0 ** min(1.0, -excess)
+            better = length / estimated_length * 2.0 ** min(1.0, -excess)
             if step.included and excess <= 0:
                 # A shortened step gives no information about the next length.
                 if max_length is None or length < max_length:
                     self._share = 0.97 * better
                 return step
-            share = min(0.97 * better, 0.9 * length / reach)
+            share = min(0.97 * better, 0.9 * length / estimated_length)
         return None
 
     def new_axes(self, moved_axes: Matrix, sizes: Sequence[Any], stiffness: Any) -> Matrix:
@@ -144,7 +144,7 @@ class FlightStepSearch:
         )
 
 
-def _allowed_remainders(path: Path, bits: int) -> tuple[list[int], int]:
+def _allowed_remainders(flight: EnclosedFlight, bits: int) -> tuple[list[int], int]:
     """Return log2 of the largest remainders that a step may have: a list for the state's
     components, and one number for the derivatives.
     """
@@ -154,12 +154,12 @@ def _allowed_remainders(path: Path, bits: int) -> tuple[list[int], int]:
             max(0, log2_magnitude(part)) - bits,
             log2_magnitude(part.rad()) - 7 if not part.is_exact() else -bits - 99,
         )
-        for part in path.box
+        for part in flight.box
     ]
-    if not path.carries_derivatives:
+    if not flight.carries_derivatives:
         return allowed, _MEAN_VALUE_TOLERANCE
     # The derivatives differ over the box by about its radius.
-    return allowed, max(-bits, max(log2_magnitude(part.rad()) for part in path.box) - 7)
+    return allowed, max(-bits, max(log2_magnitude(part.rad()) for part in flight.box) - 7)
 
 
 def _taylor_order(bits: int, least: int = _MIN_ORDER) -> int:
@@ -251,9 +251,9 @@ def searched_test(
         middle: The box's centre, three exact numbers.
         radii: The radii of the box for the two unknown numbers.
         third_deviation: A ball about zero, the deviation of the third number.
-        centre: The search and the flight from the centre, if they have already been computed.
+        centre: The search and the map at the centre, if they have already been computed.
     """
-    centre_search, flight = (FlightStepSearch(), None) if centre is None else centre
+    centre_search, image = (FlightStepSearch(), None) if centre is None else centre
     box_search = FlightStepSearch()
     deviations = [arb(0, size) for size in radii]
     deviations.insert({0, 1, 2}.difference(unknown_indices).pop(), third_deviation)
@@ -265,7 +265,7 @@ def searched_test(
         unknown_indices,
         (centre_search, box_search),
         midpoint_inverse,
-        flight,
+        image,
     )
     box = {"radii": radii, "inverse": fixed.preconditioner, "flight": box_search}
     return fixed, {

@@ -1,4 +1,4 @@
-"""The proof of the family of limit cycles: the intervals that are tried, and their order.
+"""The search for the proof of the family of limit cycles: the intervals tried, and their order.
 
 An interval of amplitudes that is not proved is halved, unless its proved properties exclude every
 part of it. At the Hopf point only the lower half is tried; the rest belongs to the intervals after
@@ -21,30 +21,30 @@ import numpy as np
 
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.parameters import Parameters
+from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
 from tippedisk_verify.proofs.closed_forms import hopf_balls, measured_omega_crit
 from tippedisk_verify.proofs.kernel.balls import arb, working_precision
-from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, Piece, are_joined
-from tippedisk_verify.proofs.numbers import ball_constants, ball_to_measured
-from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_piece
-from tippedisk_verify.proofs.search.connection_cycles_proof import (
-    ConnectionCyclesProof,
-    prove_connection_cycles,
-)
+from tippedisk_verify.proofs.kernel.certificates.family import ArcStatus, ProvedArc, are_joined
+from tippedisk_verify.proofs.search.arc_evidence import CycleGuess, prove_arc
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, prove_connection
+from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import (
+    CyclesNearOmegaHProof,
+    prove_cycles_near_omega_h,
+)
 from tippedisk_verify.proofs.search.family_proof import FamilyProof
 
 __all__ = [
     "HOPF_END",
+    "AmplitudeInterval",
     "ApproximateCycle",
-    "Interval",
-    "connected_pieces",
+    "connected_arcs",
     "guess_at",
     "hopf_guess",
     "prove_family",
     "prove_intervals",
 ]
 
-HOPF_END = Fraction(4, 5)  #: rad: the largest end of the piece at the Hopf point
+HOPF_END = Fraction(4, 5)  #: rad: the largest end of the arc at the Hopf point
 _MAX_INTERVAL_LENGTH, _INTERVAL_SHARE = (
     Fraction(3, 10),
     Fraction(1, 7),
@@ -52,13 +52,11 @@ _MAX_INTERVAL_LENGTH, _INTERVAL_SHARE = (
 _MAX_HALVINGS = 5
 _NEAREST_CYCLES = 5  # known cycles from which a guess is interpolated
 _FINAL_FAILURES = (ArcStatus.SPEED_GROWS, ArcStatus.UNSTABLE)
-_DEFAULT_END = Fraction("3.06")  # rad: beyond it pieces become short
-_REACHES = (
-    "0.008",
-    "0.004",
-    "0.002",
-)  # rad/s above Omega_h: reaches of the cycles next to the connection that are tried
-_OVERLAP = Fraction(3, 4)  # of that reach, for the pieces' end
+_DEFAULT_END = Fraction("3.06")  # rad: beyond it arcs become short
+# Distances above Omega_h [rad/s] up to which cycles are tried, and the share of them that the arcs'
+# end uses
+_TRIED_DISTANCES = ("0.008", "0.004", "0.002")
+_OVERLAP = Fraction(3, 4)
 # Known cycles; ratio of successive distances from Omega_h for the last ones
 _SPEED_COUNT, _DISTANCE_RATIO = 60, Fraction(4, 5)
 _MIN_DISTANCE = Fraction(1, 10**6)  # rad/s from Omega_h
@@ -66,8 +64,8 @@ _CONNECTION_DIGITS = 10
 
 #: A cycle's gamma_bar_0, v_0, Omega and half its period
 ApproximateCycle = tuple[Fraction, Fraction, Fraction, Fraction]
-IntervalResult = tuple[Piece | ArcStatus, "Interval"]
-IntervalCallback = Callable[[Piece | ArcStatus, "Interval"], None]
+IntervalResult = tuple[ProvedArc | ArcStatus, "AmplitudeInterval"]
+IntervalCallback = Callable[[ProvedArc | ArcStatus, "AmplitudeInterval"], None]
 #: A maker of a pool of processes, for several intervals
 ExecutorFactory = Callable[[bool], AbstractContextManager[Executor | None]]
 
@@ -92,77 +90,77 @@ def prove_family(
         until: The amplitude at which to end [rad].
         pool: Called with True if there are several intervals; returns the executor's context.
         on_stage: Called with the name of each stage.
-        on_interval: Called with each interval that is proved or given up, and the piece or the
+        on_interval: Called with each interval that is proved or given up, and the arc or the
             reason.
     """
-    pieces: list[Piece] = []
+    arcs: list[ProvedArc] = []
     wanted = _DEFAULT_END if until is None else until
     connection: ConnectionProof | None = None
-    near: ConnectionCyclesProof | None = None
+    near_omega_h: CyclesNearOmegaHProof | None = None
 
-    def keep_piece(result: Piece | ArcStatus, interval: Interval) -> None:
-        if isinstance(result, Piece):
-            pieces.append(result)
+    def keep_arc(result: ProvedArc | ArcStatus, interval: AmplitudeInterval) -> None:
+        if isinstance(result, ProvedArc):
+            arcs.append(result)
         on_interval(result, interval)
 
-    # Without the piece at the Hopf point the others are of no use.
+    # Without the arc at the Hopf point the others are of no use.
     on_stage("the Hopf point")
-    at_hopf = Interval(Fraction(0), min(wanted, HOPF_END))
-    stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_piece)
-    if connected_pieces(pieces):
+    at_hopf = AmplitudeInterval(Fraction(0), min(wanted, HOPF_END))
+    stopped = prove_intervals(parameters, [at_hopf], [], on_interval=keep_arc)
+    if connected_arcs(arcs):
         on_stage("the connection")
         speeds: list[Fraction] | None = None
-        if (near_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
+        if (approximate_omega_h := omega_h_at(_CONNECTION_DIGITS + 5)) is not None:
             with suppress(AccuracyError):
-                connection = prove_connection(parameters, near_omega_h, _CONNECTION_DIGITS)
+                connection = prove_connection(parameters, approximate_omega_h, _CONNECTION_DIGITS)
         if connection is not None and connection.omega_h is not None:
             speeds = [round(speed, 12) for speed in _speeds(parameters, connection.omega_h.value)]
         approximate_cycles = cycles_at(speeds)
         if until is None and connection is not None:
             on_stage("the cycles next to the connection")
-            near = _prove_cycles_next_to(connection)
-            wanted = _amplitude_near_connection(near, approximate_cycles) or wanted
-        if stopped is None and (left := [*_subintervals(pieces[0].high, wanted)]):
+            near_omega_h = _prove_cycles_near_omega_h(connection)
+            wanted = _amplitude_near_omega_h(near_omega_h, approximate_cycles) or wanted
+        if stopped is None and (left := [*_subintervals(arcs[0].high, wanted)]):
             on_stage("arcs")
             with pool(len(left) > 1) as executor:
-                stopped = prove_intervals(
-                    parameters, left, approximate_cycles, executor, keep_piece
-                )
-    one_curve = connected_pieces(pieces)
+                stopped = prove_intervals(parameters, left, approximate_cycles, executor, keep_arc)
+    one_curve = connected_arcs(arcs)
     if stopped is None and one_curve[-1].high < wanted:
         stopped = ArcStatus.NOT_JOINED
-    return FamilyProof(parameters, tuple(one_curve), stopped, connection, near)
+    return FamilyProof(parameters, tuple(one_curve), stopped, connection, near_omega_h)
 
 
-def _prove_cycles_next_to(connection: ConnectionProof) -> ConnectionCyclesProof | None:
+def _prove_cycles_near_omega_h(connection: ConnectionProof) -> CyclesNearOmegaHProof | None:
     """Prove the limit cycles next to a connection up to the largest distance from Omega_h that
     succeeds.
 
     Returns the last failure if none succeeds, and None if nothing could be tried.
     """
     end = None
-    for reach in _REACHES if connection.proved else ():
-        with suppress(InputError):  # for a reach beyond Omega_crit
-            end = prove_connection_cycles(connection, reach)
+    for distance in _TRIED_DISTANCES if connection.proved else ():
+        with suppress(InputError):  # for a distance beyond Omega_crit
+            end = prove_cycles_near_omega_h(connection, distance)
         if end is not None and end.proved:
             break
     return end
 
 
-def _amplitude_near_connection(
-    near: ConnectionCyclesProof | None, approximate_cycles: Sequence[ApproximateCycle]
+def _amplitude_near_omega_h(
+    near_omega_h: CyclesNearOmegaHProof | None, approximate_cycles: Sequence[ApproximateCycle]
 ) -> Fraction | None:
-    """Return an amplitude at which the family's pieces run into the proved cycles next to the
+    """Return an amplitude at which the family's arcs run into the proved cycles next to the
     connection.
 
     Returns None if those cycles are not proved. ``approximate_cycles`` are approximate cycles of
     the family.
     """
-    if near is None or not near.proved or near.connection.omega_h is None:
+    if near_omega_h is None or not near_omega_h.proved or near_omega_h.connection.omega_h is None:
         return None
-    low = near.connection.omega_h.value
+    low = near_omega_h.connection.omega_h.value
     inside = [
-        cycle for cycle in approximate_cycles if cycle[2] - low < _OVERLAP * (near.high - low)
+        cycle
+        for cycle in approximate_cycles
+        if cycle[2] - low < _OVERLAP * (near_omega_h.high - low)
     ]
     return round(min(inside, default=approximate_cycles[-1])[0], 4)
 
@@ -182,7 +180,7 @@ def _speeds(parameters: Parameters, omega_h: Fraction) -> Iterator[Fraction]:
 
 
 @dataclass(frozen=True)
-class Interval:
+class AmplitudeInterval:
     """An interval of amplitudes [rad] for which the family is to be proved. If ``low`` is 0, the
     proof scales states by their amplitude.
     """
@@ -191,17 +189,17 @@ class Interval:
     high: Fraction
     halvings: int = 0
 
-    def halves(self) -> tuple[Interval, ...]:
+    def halves(self) -> tuple[AmplitudeInterval, ...]:
         """Return the two halves of the interval.
 
         If ``low`` is 0, only the lower half is returned, because the other one needs known cycles.
         """
         middle, count = (self.low + self.high) / 2, self.halvings + 1
-        lower = Interval(self.low, middle, count)
-        return (lower, Interval(middle, self.high, count)) if self.low else (lower,)
+        lower = AmplitudeInterval(self.low, middle, count)
+        return (lower, AmplitudeInterval(middle, self.high, count)) if self.low else (lower,)
 
 
-def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
+def _subintervals(low: Fraction, high: Fraction) -> Iterator[AmplitudeInterval]:
     """Yield the intervals, from ``low`` to ``high`` [rad], on which the family is to be proved."""
     while low < high:
         length = min(
@@ -211,19 +209,19 @@ def _subintervals(low: Fraction, high: Fraction) -> Iterator[Interval]:
         until = round(low + length, 4)
         if until + length / 3 > high:
             until = high
-        yield Interval(low, until)
+        yield AmplitudeInterval(low, until)
         low = until
 
 
-def connected_pieces(pieces: Iterable[Piece]) -> list[Piece]:
-    """Return those of the proved pieces that form one curve from the Hopf point on, in order."""
-    curve: list[Piece] = []
-    for piece in sorted(pieces, key=lambda piece: (piece.low, piece.high)):
+def connected_arcs(arcs: Iterable[ProvedArc]) -> list[ProvedArc]:
+    """Return those of the proved arcs that form one curve from the Hopf point on, in order."""
+    curve: list[ProvedArc] = []
+    for arc in sorted(arcs, key=lambda arc: (arc.low, arc.high)):
         if not curve:
-            if piece.scaled:
-                curve.append(piece)
-        elif piece.low == curve[-1].high and are_joined(curve[-1], piece, piece.low):
-            curve.append(piece)
+            if arc.scaled:
+                curve.append(arc)
+        elif arc.low == curve[-1].high and are_joined(curve[-1], arc, arc.low):
+            curve.append(arc)
     return curve
 
 
@@ -257,7 +255,7 @@ def guess_at(approximate_cycles: Sequence[ApproximateCycle], amplitude: Fraction
 
 def prove_intervals(
     parameters: Parameters,
-    intervals: Sequence[Interval],
+    intervals: Sequence[AmplitudeInterval],
     approximate_cycles: Sequence[ApproximateCycle],
     executor: Executor | None = None,
     on_interval: IntervalCallback = lambda result, interval: None,
@@ -267,7 +265,7 @@ def prove_intervals(
     Returns None if all are proved, otherwise the reason why the lowest failed one was given up.
 
     ``approximate_cycles`` are approximate cycles, from which guesses are made. ``on_interval`` is
-    called with each interval that is proved or given up, and the piece or the reason.
+    called with each interval that is proved or given up, and the arc or the reason.
     """
     given_up: list[tuple[Fraction, ArcStatus]] = []
     jobs = _Jobs(parameters, approximate_cycles, executor, intervals)
@@ -285,7 +283,7 @@ def prove_intervals(
 class _Jobs:
     """An iterator over intervals of amplitudes and the results of proving them.
 
-    It yields pairs: the proved piece or the reason for the failure, and the interval. The intervals
+    It yields pairs: the proved arc or the reason for the failure, and the interval. The intervals
     are tried here in order, the lowest first, or all at once in other processes.
     """
 
@@ -294,22 +292,22 @@ class _Jobs:
         parameters: Parameters,
         approximate_cycles: Sequence[ApproximateCycle],
         executor: Executor | None,
-        intervals: Iterable[Interval],
+        intervals: Iterable[AmplitudeInterval],
     ) -> None:
         self.parameters, self.approximate_cycles, self.executor = (
             parameters,
             approximate_cycles,
             executor,
         )
-        self.waiting: list[Interval] = []
-        self.running: dict[Future[Piece | ArcStatus], Interval] = {}
+        self.waiting: list[AmplitudeInterval] = []
+        self.running: dict[Future[ProvedArc | ArcStatus], AmplitudeInterval] = {}
         self.add(intervals)
 
-    def add(self, intervals: Iterable[Interval]) -> None:
+    def add(self, intervals: Iterable[AmplitudeInterval]) -> None:
         self.waiting = sorted([*self.waiting, *intervals], key=lambda interval: interval.low)
         if self.executor is not None:
             for interval in self.waiting:
-                self.running[self.executor.submit(prove_piece, *self._job(interval))] = interval
+                self.running[self.executor.submit(prove_arc, *self._job(interval))] = interval
             self.waiting = []
 
     def cancel_from(self, low: Fraction) -> None:
@@ -326,14 +324,16 @@ class _Jobs:
         while self.waiting or self.running:
             if self.waiting:
                 interval = self.waiting.pop(0)
-                yield prove_piece(*self._job(interval)), interval
+                yield prove_arc(*self._job(interval)), interval
             else:
                 for future in wait(self.running, return_when=FIRST_COMPLETED).done:
                     if future in self.running:
                         yield future.result(), self.running.pop(future)
 
-    def _job(self, interval: Interval) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
-        """Return the arguments of `prove_piece` for an interval."""
+    def _job(
+        self, interval: AmplitudeInterval
+    ) -> tuple[Parameters, Fraction, Fraction, CycleGuess]:
+        """Return the arguments of `prove_arc` for an interval."""
         low, high = interval.low, interval.high
         if not low:
             return self.parameters, low, high, hopf_guess(self.parameters)

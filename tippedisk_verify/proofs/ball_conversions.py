@@ -9,10 +9,10 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.kernel.balls import ball, midpoint_and_radius
-from tippedisk_verify.proofs.kernel.proved_flow import Model
-from tippedisk_verify.proofs.kernel.sliding import model_for_friction
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField
+from tippedisk_verify.proofs.kernel.sliding import field_for_friction
 
-__all__ = ["WIDENING_FACTOR", "ball_constants", "ball_to_measured", "model_for_disk", "widened"]
+__all__ = ["WIDENING_FACTOR", "ball_constants", "ball_to_measured", "field_for_disk", "widened"]
 
 #: The factor on half-widths: a margin for other versions of Arb and other processors
 WIDENING_FACTOR = 1 + Fraction(1, 2**20)
@@ -42,9 +42,9 @@ def ball_constants(parameters: Parameters) -> Constants:
     return type(exact)(*map(ball, exact))
 
 
-def model_for_disk(parameters: Any, omega: Any) -> Model:
-    """Return the equations of motion on balls, as a `Model`, for a disk and its friction law.
+def field_for_disk(parameters: Any, omega: Any) -> EnclosedField:
+    """Return the vector field on balls, as an `EnclosedField`, for a disk and its friction law.
 
     All numbers are enclosed at the working precision. ``omega`` [rad/s] is the speed.
     """
-    return model_for_friction(parameters.friction, ball_constants(parameters), omega)
+    return field_for_friction(parameters.friction, ball_constants(parameters), omega)
