@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import math
 import pickle
+from collections.abc import Callable
 from fractions import Fraction
+from typing import Any
 
 import numpy
 import pytest
@@ -376,3 +378,37 @@ def test_results_without_half_widths_say_so_and_are_those_with_them() -> None:
     branch = DISK.branch(["30.4", "30.5"], half_widths=False)
     assert set(branch.uncertainty["period"]) == {math.inf}
     assert "(no half-width)" in str(branch)
+
+
+#: Calls with an argument that names one of several things, or a file.
+NAMING: dict[str, Callable[[Any], object]] = {
+    "disk": lambda name: tv.Disk(name),
+    "disk's own name": lambda name: tv.Disk("table1").changed(name=name),
+    "friction law": lambda name: tv.Disk("table1").with_friction(name),
+    "equilibrium": lambda name: tv.Disk("table1").equilibrium(name, "30.4"),
+    "proved equilibrium": lambda name: tv.Disk("table1").certify.equilibrium(name, "30.4"),
+    "method of Omega_h": lambda name: tv.Disk("table1").heteroclinic(method=name),
+    "event": lambda name: tv.Disk("table1").integrate("30.4", (1, 2, 0), 1, events=[name]),
+    "variation": lambda name: tv.Disk("table1").integrate("30.4", (1, 2, 0), 1, variations=[name]),
+    "domain": lambda name: tv.Request(tv.Disk("table1"), "30.4", (1, 2, 0), 1, domain=name),
+    "SciPy's method": lambda name: tv.ScipyEngine(name),
+    "reference value": lambda name: tv.reference(name),
+    "reading": lambda name: tv.reference("table1/linear/hopf/point/omega_crit", reading=name),
+    "graded reading": lambda name: tv.compare(
+        "table1/linear/hopf/point/omega_crit", 30.9, reading=name
+    ),
+    "problem": lambda name: tv.problem_named(name),
+    "problem of a race": lambda name: tv.race({}, problems=[name]),
+    "error of a race": lambda name: tv.race({}, error=name),
+    "language": lambda name: tv.problem_named("cycle").source(name),
+    "parameter file": lambda name: tv.Disk.read(name),
+    "written parameter file": lambda name: tv.Disk("table1").to_toml(name),
+    "saved result": lambda name: tv.load(name),
+}
+
+
+@pytest.mark.parametrize("call", NAMING.values(), ids=NAMING)
+@pytest.mark.parametrize("name", [numpy.array(["a", "b"]), ["linear"], {}, 7], ids=str)
+def test_what_is_no_text_names_nothing(call: Callable[[Any], object], name: object) -> None:
+    with pytest.raises(tv.InputError):
+        call(name)

@@ -14,7 +14,7 @@ from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.array_function import ArrayFunction
 from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.model.parameters import PRINTED, Parameters
-from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit
 
@@ -90,7 +90,7 @@ class Problem:
         Raises:
             InputError: If the language is another one.
         """
-        if language not in tuple(_SOURCES):  # a list cannot be a key
+        if not is_one_of(language, _SOURCES):
             raise InputError(f"no source in '{short_text(language)}': use {' or '.join(_SOURCES)}")
         rates = vector_field(
             _SourceExpression, self.parameters.constants_in(DOUBLE), self.omega, self.friction
@@ -243,10 +243,7 @@ def problem_named(name: str) -> Problem:
     Raises:
         InputError: If the name is not known.
     """
-    for problem in PROBLEMS:
-        if problem.name == name:
-            return problem
-    raise InputError(
-        f"problem '{short_text(name)}' is not known: use "
-        f"{', '.join(problem.name for problem in PROBLEMS)}"
-    )
+    by_name = {problem.name: problem for problem in PROBLEMS}
+    if not is_one_of(name, by_name):
+        raise InputError(f"problem '{short_text(name)}' is not known: use {', '.join(by_name)}")
+    return by_name[name]

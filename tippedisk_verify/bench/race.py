@@ -21,7 +21,7 @@ from tippedisk_verify.bench.truth import cut_at_returns
 from tippedisk_verify.bench.user_methods import Solver, question, read_scores, user_method
 from tippedisk_verify.display import Printable, data_frame
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.numbers.exact import as_list, short_text
+from tippedisk_verify.numbers.exact import as_list, is_one_of, short_text
 from tippedisk_verify.support.dialogue import Program, start_program
 from tippedisk_verify.support.files import read_text
 from tippedisk_verify.support.progress import show_progress
@@ -138,7 +138,7 @@ def race(
                 "solvers are functions or commands by name, such as {'mine': function}, "
                 f"not {short_text({name: solver})}"
             )
-    if error not in get_args(ErrorKind):
+    if not is_one_of(error, get_args(ErrorKind)):
         raise InputError(
             f"error is one of {', '.join(get_args(ErrorKind))}, not {short_text(error)}"
         )

@@ -10,6 +10,7 @@ from tippedisk_verify.conformance.grade_pages import Report
 from tippedisk_verify.conformance.grading import answer_text, grade_answers, tally_levels
 from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.errors import InputError
+from tippedisk_verify.numbers.exact import is_one_of
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.reference_values.lookup import full_id, reference
 from tippedisk_verify.reference_values.store import Reading, load_store
@@ -42,7 +43,7 @@ def grade(
         )
     if not answers:
         raise InputError("there is no answer to grade")
-    if reading not in ("decimals", "doubles"):
+    if not is_one_of(reading, ("decimals", "doubles")):
         raise InputError(
             f"answers are computed from decimals or doubles, not from '{reading!s:.40}'"
         )

@@ -18,7 +18,7 @@ from tippedisk_verify.conformance.sheet import Answers
 from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.numbers.decimals import decimal_arithmetic
-from tippedisk_verify.numbers.exact import fraction, plain_number
+from tippedisk_verify.numbers.exact import fraction, is_one_of, plain_number
 from tippedisk_verify.reference_values.grading_rules import (
     ROUNDING_CHANGE,
     digits_needed,
@@ -372,7 +372,7 @@ def compare(id_: str, answer: object, *, reading: Reading = "doubles") -> Grade:
         InputError: If the id is unknown, or the answer is not a number.
     """
     quantity = reference(id_)
-    if reading not in ("decimals", "doubles"):
+    if not is_one_of(reading, ("decimals", "doubles")):
         raise InputError(
             f"an answer is computed from decimals or doubles, not from '{reading!s:.40}'"
         )

@@ -34,7 +34,7 @@ from tippedisk_verify.display import (
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.numbers.arrays import Array
-from tippedisk_verify.numbers.exact import checked_integer, fraction, short_text
+from tippedisk_verify.numbers.exact import checked_integer, fraction, is_one_of, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import DOUBLE
 from tippedisk_verify.theory.hopf import omega_crit, period_crit
@@ -165,7 +165,7 @@ class Branch(Printable):
         """
         going_on = [special.name for special in self.points if special.name != "Omega_h"]
         name = getattr(point, "name", point)
-        if name not in going_on:
+        if not is_one_of(name, going_on):
             raise InputError(
                 f"a branch restarts from {', '.join(going_on)}, not {short_text(name)}"
             )

@@ -24,7 +24,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
-from tippedisk_verify.numbers.exact import refuse_units_and_masks, short_text
+from tippedisk_verify.numbers.exact import is_one_of, refuse_units_and_masks, short_text
 from tippedisk_verify.numbers.precision import DOUBLE, Precision
 
 __all__ = [
@@ -263,7 +263,7 @@ class Request:
             raise InputError(f"a relative tolerance lies between 0 and 1, not {self.tolerance}")
         if self.times is not None:
             _check_times(self.times, self.precision, DOUBLE.number(self.duration))
-        if self.domain not in ("event", "samples", "none"):
+        if not is_one_of(self.domain, ("event", "samples", "none")):
             raise InputError(f"domain is event, samples or none, not '{self.domain}'")
         if self.events:
             names = [event.name for event in self.events]

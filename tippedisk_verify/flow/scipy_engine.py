@@ -31,7 +31,7 @@ from tippedisk_verify.flow.contract import (
 from tippedisk_verify.flow.start import Start, starts_at_rest
 from tippedisk_verify.flow.system import parameter_names
 from tippedisk_verify.model.equations import equation_terms, jacobian, shifted_ops, vector_field
-from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
 from tippedisk_verify.numbers.precision import DOUBLE
 
@@ -89,7 +89,7 @@ class ScipyEngine:
     builds: tuple[Build, ...] = ()
 
     def __init__(self, method: str = "DOP853") -> None:
-        if method not in SCIPY_METHODS:
+        if not is_one_of(method, SCIPY_METHODS):
             raise InputError(
                 f"method '{short_text(method)}' is not known: use {', '.join(SCIPY_METHODS)}"
             )

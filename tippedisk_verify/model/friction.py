@@ -25,7 +25,7 @@ from functools import lru_cache
 from typing import Any, ClassVar, Literal, get_args
 
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.numbers.exact import fraction, short_text
+from tippedisk_verify.numbers.exact import fraction, is_one_of, short_text
 from tippedisk_verify.numbers.precision import precision_of_bits
 
 __all__ = ["FORCE_CONSTANTS", "LAWS", "Friction", "FrictionLaw", "constants_used", "law_of"]
@@ -396,9 +396,8 @@ def law_of(friction: object) -> FrictionLaw:
     """
     if isinstance(friction, FrictionLaw):
         return friction
-    law = LAWS.get(friction) if isinstance(friction, str) else None
-    if law is None:
+    if not is_one_of(friction, LAWS):
         raise InputError(
             f"friction law '{short_text(friction)}' is not known: use linear or smooth, or a FrictionLaw"
         )
-    return law
+    return LAWS[friction]

@@ -27,7 +27,7 @@ from tippedisk_verify.model.friction_checks import refuse_unusable
 from tippedisk_verify.numbers.decimals import exact_decimals, exact_text
 from tippedisk_verify.numbers.exact import PI, fraction, rational_in_context, short_text
 from tippedisk_verify.numbers.precision import Precision
-from tippedisk_verify.support.files import output_file, read_bytes, write_text
+from tippedisk_verify.support.files import file_path, output_file, read_bytes, write_text
 
 __all__ = [
     "CALIBRATED",
@@ -133,6 +133,9 @@ class Parameters(Printable):
 
     def __post_init__(self) -> None:
         faults = []
+        name: object = self.name
+        if not isinstance(name, str):
+            faults.append(f"a disk's name is a text, not {short_text(name)}")
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name not in _QUANTITIES or (item.name == "C" and value is None):
@@ -236,7 +239,7 @@ class Parameters(Printable):
         Raises:
             InputError: If there is no such law.
         """
-        return self if friction == self.friction else replace(self, friction=friction)
+        return self if law_of(friction) == self.law else replace(self, friction=friction)
 
     def refuse_unless_linear(self, what: str) -> None:
         """Raise InputError unless the friction law is the linear one.
@@ -311,7 +314,7 @@ class Parameters(Printable):
         """
         content = "".join(f'{name} = "{text}"\n' for name, text in self.exact_texts().items())
         if path is not None:
-            write_text(output_file(str(path)), content)
+            write_text(output_file(path), content)
         return content
 
     def to_dict(self) -> dict[str, Any]:
@@ -382,7 +385,7 @@ class Parameters(Printable):
             InputError: If the file cannot be read, is not TOML, lacks a key, has an unknown key, or
                 holds values that `Parameters` refuses.
         """
-        path = Path(path)
+        path = file_path(path)
         entries = _toml_entries(path)
         faults = [
             f"unknown key '{key[:40]}' (allowed: {', '.join(_QUANTITIES)})"

@@ -31,7 +31,7 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.decimals import exact_text
 from tippedisk_verify.numbers.exact import Exact, exact, parse_long_fraction
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.support.files import checked_file_path, read_text, write_text
+from tippedisk_verify.support.files import checked_file_path, file_path, read_text, write_text
 
 __all__ = ["RESULT_FORMAT", "read_number", "read_saved", "saved_numbers", "write_saved"]
 
@@ -113,7 +113,7 @@ def write_saved(
         "disk": {**disk.exact_texts(), "name": disk.name, "friction": disk.friction},
         **entries,
     }
-    return write_text(checked_file_path(str(path), ".json"), json.dumps(content, indent=1) + "\n")
+    return write_text(checked_file_path(path, ".json"), json.dumps(content, indent=1) + "\n")
 
 
 def read_saved(path: str | PathLike[str]) -> dict[str, Any]:
@@ -125,11 +125,12 @@ def read_saved(path: str | PathLike[str]) -> dict[str, Any]:
     Raises:
         InputError: If the file cannot be read, or has another form.
     """
-    text = read_text(Path(path), _MAX_FILE_BYTES)
+    file = file_path(path)
+    text = read_text(file, _MAX_FILE_BYTES)
     try:
         content = json.loads(text)
     except (ValueError, RecursionError):
         content = None
     if not isinstance(content, dict) or content.get("format") != RESULT_FORMAT:
-        raise InputError(f"{Path(path).name} is not a file with the format '{RESULT_FORMAT}'")
+        raise InputError(f"{file.name} is not a file with the format '{RESULT_FORMAT}'")
     return content

@@ -19,7 +19,7 @@ from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow.contract import Build, Engine, Request, Result, Status
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import PI, Exact, exact, short_text
+from tippedisk_verify.numbers.exact import PI, Exact, exact, is_one_of, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.theory.equilibria import is_stable, linearization
 from tippedisk_verify.theory.hopf import omega_crit
@@ -119,7 +119,7 @@ def scene_named(name: str) -> Scene:
         InputError: If there is no such panel.
     """
     for scene in SCENES:
-        if scene.name == name:
+        if is_one_of(name, [scene.name]):
             return scene
     raise InputError(f"scene '{short_text(name)}' is not known: use a, b, c, d, e, f or all")
 

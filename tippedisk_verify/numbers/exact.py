@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 from fractions import Fraction
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeGuard, TypeVar
 
 from tippedisk_verify.errors import InputError
 
@@ -29,6 +29,7 @@ __all__ = [
     "checked_integer",
     "exact",
     "fraction",
+    "is_one_of",
     "mantissa_exponent",
     "parse_long_fraction",
     "plain_number",
@@ -36,6 +37,8 @@ __all__ = [
     "refuse_units_and_masks",
     "short_text",
 ]
+
+Name = TypeVar("Name", bound=str)
 
 # A larger decimal exponent is a mistake, and would cost memory without bound.
 _MAX_DECIMAL_EXPONENT = 10_000
@@ -375,6 +378,18 @@ def checked_integer(value: object, least: int, most: int, complaint: str) -> int
         ):
             return int(number.rational)
     raise InputError(complaint.format(short_text(value)))
+
+
+def is_one_of(value: object, names: Iterable[Name]) -> TypeGuard[Name]:
+    """Return True if a value is one of some texts.
+
+    A value that is no text, such as a list or an array, is not compared with them.
+
+    Args:
+        value: Any object.
+        names: The texts.
+    """
+    return isinstance(value, str) and value in tuple(names)
 
 
 def short_text(value: object) -> str:

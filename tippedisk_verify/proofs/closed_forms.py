@@ -43,7 +43,7 @@ from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.decimals import exact_text
-from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.proofs.angles import INVERTED, NONINVERTED, linearization, rates
 from tippedisk_verify.proofs.ball_conversions import ball_constants, ball_to_measured
@@ -189,7 +189,7 @@ def proved_equilibrium(
     out of range, AccuracyError if the stability depends on nonlinear terms or an eigenvalue is
     double.
     """
-    if name not in _EQUILIBRIA:
+    if not is_one_of(name, _EQUILIBRIA):
         raise InputError(
             f"equilibrium '{short_text(name)}' is unknown: use inverted or noninverted"
         )

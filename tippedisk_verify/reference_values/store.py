@@ -23,6 +23,7 @@ from tippedisk_verify.display import Printable, as_json
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import SYMBOLS
+from tippedisk_verify.numbers.exact import is_one_of
 from tippedisk_verify.numbers.measured import Bounded, HalfWidth, Measured
 from tippedisk_verify.reference_values.drawn_disks import disk_of
 from tippedisk_verify.reference_values.manifest import data_folder, verified_texts
@@ -122,7 +123,7 @@ class ReferenceValue(Printable, Bounded):
         Raises:
             InputError: If there is no value for that reading.
         """
-        if reading not in ("decimals", "doubles"):
+        if not is_one_of(reading, ("decimals", "doubles")):
             raise InputError(f"a value is from decimals or doubles, not from '{reading!s:.40}'")
         if reading not in self.values:
             raise InputError(

@@ -17,6 +17,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from functools import partial
 from importlib.util import find_spec
+from os import PathLike
 from pathlib import Path
 
 from tippedisk_verify.errors import InputError
@@ -26,6 +27,7 @@ __all__ = [
     "checked_file_path",
     "csv_text",
     "file_lock",
+    "file_path",
     "output_file",
     "output_folder",
     "printable",
@@ -60,7 +62,22 @@ def output_folder(path: str | Path) -> Path:
     return folder
 
 
-def output_file(path: str) -> Path:
+def file_path(path: str | PathLike[str]) -> Path:
+    """Return the path that a text or a path object names.
+
+    Args:
+        path: The file.
+
+    Raises:
+        InputError: If it is neither.
+    """
+    text: object = os.fspath(path) if isinstance(path, str | PathLike) else None
+    if not isinstance(text, str):
+        raise InputError(f"a file is named by a text or a path, not by {type(path).__name__}")
+    return Path(text)
+
+
+def output_file(path: str | PathLike[str]) -> Path:
     """Check that a file may be written at a path, and return the path.
 
     Args:
@@ -69,9 +86,9 @@ def output_file(path: str) -> Path:
     Raises:
         InputError: If the path cannot be that of a file.
     """
-    file = Path(path)
+    file = file_path(path)
     with _os_errors_as_input_errors(f"'{_shortened_path(file)}' cannot be written"):
-        if not path or "\0" in path:
+        if not os.fspath(path) or "\0" in str(file):
             raise OSError("that is no name of a file")
         if not file.parent.is_dir():
             raise OSError(f"there is no folder {_shortened_path(file.parent)}")
@@ -183,7 +200,7 @@ def write_csv(path: Path, header: Sequence[str], rows: Iterable[Sequence[object]
     return write_text(path, csv_text(header, rows))
 
 
-def checked_file_path(path: str, *kinds: str) -> Path:
+def checked_file_path(path: str | PathLike[str], *kinds: str) -> Path:
     """Check the path of a file to write and its ending, such as ".csv", and return the path.
 
     Args:

@@ -18,7 +18,7 @@ from tippedisk_verify.display import Eigenvalue, Printable, as_json, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import PI, Exact, short_text
+from tippedisk_verify.numbers.exact import PI, Exact, is_one_of, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import checked_digits
@@ -102,7 +102,7 @@ def equilibrium_state(name: EquilibriumName) -> tuple[Exact, Exact, Exact]:
     Raises:
         InputError: If there is no equilibrium of that name.
     """
-    if name not in get_args(EquilibriumName):
+    if not is_one_of(name, get_args(EquilibriumName)):
         raise InputError(
             f"equilibrium '{short_text(name)}' is not known: use inverted or noninverted"
         )

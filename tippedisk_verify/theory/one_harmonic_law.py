@@ -20,7 +20,7 @@ from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import checked_digits
@@ -122,9 +122,10 @@ def chi(constants: Any, form: Form) -> Any:
 
 
 def _checked_form(form: str) -> Form:
-    if form not in get_args(Form):
+    forms: tuple[Form, ...] = get_args(Form)
+    if not is_one_of(form, forms):
         raise InputError(f"form '{short_text(form)}' is not known: use printed or consistent")
-    return form  # type: ignore[return-value]
+    return form
 
 
 def amplitude_and_frequency_squared(constants: Any, omega: Any, form: Form) -> tuple[Any, Any]:

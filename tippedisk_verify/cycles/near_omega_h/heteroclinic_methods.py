@@ -24,7 +24,7 @@ from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import Parameters
-from tippedisk_verify.numbers.exact import short_text
+from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import checked_digits
 
@@ -58,7 +58,7 @@ def heteroclinic(
         NoConnectionError: If there is no connection.
         AccuracyError: If the digits are not reached.
     """
-    if method not in OMEGA_H_METHODS:
+    if not is_one_of(method, OMEGA_H_METHODS):
         raise InputError(
             f"method '{short_text(method)}' is not known: use {', '.join(OMEGA_H_METHODS)}"
         )
