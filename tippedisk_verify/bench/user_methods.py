@@ -1,5 +1,5 @@
 """Integrators of one's own as methods of a race: functions, the question that a program receives,
-and results measured elsewhere.
+and results measured elsewhere. After a slow run, the tighter tolerances of a method are left out.
 """
 
 from __future__ import annotations

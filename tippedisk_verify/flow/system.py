@@ -1,6 +1,7 @@
 """The systems that heyoka compiles for a request, and a run's inputs with moved last bits (twins).
 
-A system consists of the field's expressions, the variations and the event functions.
+A system consists of the field's expressions, the law's guard, the variations and the event
+functions.
 """
 
 from __future__ import annotations

@@ -12,6 +12,9 @@ and its continuation across zero is another function. Its two sides are integrat
 
 **Slope.** All laws here have the slope -mu m g / epsilon at gamma_y = 0 unless they give another.
 Equilibria, their eigenvalues and Omega_crit depend on a law through this slope only.
+
+**Guard.** A law may bend sharply near gamma_y = 0, and a long step could pass over the bend. So a
+law gives the rate of a further variable, its guard, which the step size control watches.
 """
 
 from __future__ import annotations
