@@ -32,12 +32,12 @@ import pytest
 import tippedisk_verify as tv
 from tests.command_line import ran
 from tippedisk_verify.certify import Certifier
-from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles import locator
 from tippedisk_verify.cycles.branch import Branch
 from tippedisk_verify.cycles.limit_cycle import Cycle
 from tippedisk_verify.flow.jit import heyoka_module
 from tippedisk_verify.motion.basin_boundary import BasinBoundary
+from tippedisk_verify.omega_h.connecting_orbit import Heteroclinic
 
 # It draws from Python's generator as it is loaded, for a call that takes long
 import_module("rich.style")

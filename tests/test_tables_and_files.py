@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 import tippedisk_verify as tv
 from tests.command_line import printed, rows_of
 from tippedisk_verify.bench.measurement import Score
-from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
 from tippedisk_verify.figures.style import pyplot
+from tippedisk_verify.omega_h.distance_study import PERIOD_LAW_COLUMNS
 
 DISK, START = tv.Disk("table1"), ("pi/2", "pi/2 + 0.4", 0)
 HOPF = "table1/linear/hopf/point"

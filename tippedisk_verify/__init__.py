@@ -11,8 +11,9 @@ behind it follow; each imports only from those before it:
 - `tippedisk_verify.theory`: results in closed form and series, and
   `tippedisk_verify.flow`: the integration of states. Neither imports the other, so their agreement
   is evidence;
-- `tippedisk_verify.connection`: the heteroclinic connection;
-- `tippedisk_verify.cycles`: limit cycles at a speed, their families and folds, and Omega_h;
+- `tippedisk_verify.connection`: the speed at which the saddles connect;
+- `tippedisk_verify.cycles`: limit cycles, at a speed or near Omega_h, their families and folds;
+- `tippedisk_verify.omega_h`: Omega_h by four methods, and the study of its neighbourhood;
 - `tippedisk_verify.motion`: solutions, scenes, basins;
 - `tippedisk_verify.audit`: the paper's claims and the examination of each;
 - `tippedisk_verify.reference_values`: reading, checking and redrawing the reference values, and

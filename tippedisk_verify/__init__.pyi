@@ -14,7 +14,6 @@ from tippedisk_verify.cycles.collocation.collocation_cycles import (
 from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import (
     cycle_above_omega_h as cycle_above_omega_h,
 )
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic as heteroclinic
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle as shoot_limit_cycle
 from tippedisk_verify.disk import Disk as Disk
 from tippedisk_verify.errors import AccuracyError as AccuracyError
@@ -44,6 +43,7 @@ from tippedisk_verify.numbers.precision import EXTENDED as EXTENDED
 from tippedisk_verify.numbers.precision import QUADRUPLE as QUADRUPLE
 from tippedisk_verify.numbers.precision import Precision as Precision
 from tippedisk_verify.numbers.precision import precision_of_bits as precision_of_bits
+from tippedisk_verify.omega_h.methods import heteroclinic as heteroclinic
 from tippedisk_verify.reference_values.lookup import reference as reference
 from tippedisk_verify.reference_values.lookup import references as references
 from tippedisk_verify.theory.equilibria import equilibrium as equilibrium

@@ -30,10 +30,8 @@ from tippedisk_verify.support.progress import show_progress, show_share, with_pr
 
 if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
-    from tippedisk_verify.connection.heteroclinic import Heteroclinic
     from tippedisk_verify.cycles.branch import Branch
     from tippedisk_verify.cycles.collocation.collocation_cycles import CollocationCycle
-    from tippedisk_verify.cycles.distance_study import NearHeteroclinic
     from tippedisk_verify.cycles.families.folds import Folds, RotationFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.sensitivity import Sensitivity
@@ -43,6 +41,8 @@ if TYPE_CHECKING:
     from tippedisk_verify.motion.scenes import ComputedScene
     from tippedisk_verify.motion.solution import Solution
     from tippedisk_verify.numbers.arrays import Array
+    from tippedisk_verify.omega_h.connecting_orbit import Heteroclinic
+    from tippedisk_verify.omega_h.distance_study import NearHeteroclinic
     from tippedisk_verify.theory.equilibria import Equilibrium, EquilibriumName
     from tippedisk_verify.theory.hopf import HopfPoint
     from tippedisk_verify.theory.slow_manifold import SlowManifold
@@ -766,7 +766,7 @@ class Disk(Parameters):
             InputError: If ``method`` is not known.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
+        from tippedisk_verify.omega_h.methods import heteroclinic
 
         how: dict[str, Any] = {"digits": digits, "method": method, "half_widths": half_widths}
         with show_share("Omega_h", progress):
@@ -821,7 +821,7 @@ class Disk(Parameters):
             NoSuchCycleError: As for `limit_cycle`.
             AccuracyError: As for `limit_cycle` and `heteroclinic`.
         """
-        from tippedisk_verify.cycles.distance_study import near_heteroclinic
+        from tippedisk_verify.omega_h.distance_study import near_heteroclinic
 
         return near_heteroclinic(self, distances, self._engine(engine), answers=answers)
 

@@ -31,10 +31,10 @@ from tippedisk_verify.cycles.families import folds
 from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import cached_locator
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import OMEGA_H_METHODS
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.numbers.exact import fraction
+from tippedisk_verify.omega_h.methods import OMEGA_H_METHODS
 from tippedisk_verify.theory.hopf import criticality
 
 FOLDING = PRINTED.changed(A="0.229e-3")

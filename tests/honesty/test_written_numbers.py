@@ -13,9 +13,9 @@ import pytest
 
 import tippedisk_verify as tv
 from tests.command_line import answer, printed, rows_of
-from tippedisk_verify.connection.heteroclinic import _START_DISTANCE
 from tippedisk_verify.flow.contract import GAMMA_TOP
 from tippedisk_verify.motion.scenes import INITIAL_STATES
+from tippedisk_verify.omega_h.connecting_orbit import _START_DISTANCE
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
 DISK = tv.Disk("table1")

@@ -16,10 +16,8 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple, TypeVar
 
 from tippedisk_verify.audit.citations import published_numbers
-from tippedisk_verify.connection.heteroclinic import Heteroclinic
 from tippedisk_verify.cycles.branch_cycles import cycles_found, librating_branch
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.near_omega_h.period_continuation import PeriodContinuation
 from tippedisk_verify.display import Printable
 from tippedisk_verify.errors import AccuracyError, InputError
@@ -30,6 +28,8 @@ from tippedisk_verify.model.parameters import NAMED_SETS, Parameters
 from tippedisk_verify.motion.scenes import ComputedScene, compute_scene, scene_named
 from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.omega_h.connecting_orbit import Heteroclinic
+from tippedisk_verify.omega_h.methods import heteroclinic
 
 __all__ = [
     "Answer",

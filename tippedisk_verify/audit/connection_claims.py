@@ -14,12 +14,12 @@ from tippedisk_verify.audit.claims import (
     printed_number,
 )
 from tippedisk_verify.connection.bisection import follow_unstable_manifold
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.errors import NoConnectionError, NoSuchCycleError
 from tippedisk_verify.flow.contract import Request
 from tippedisk_verify.model.equations import vector_field
 from tippedisk_verify.numbers.exact import Exact
 from tippedisk_verify.numbers.precision import precision_of_bits
+from tippedisk_verify.omega_h.methods import heteroclinic
 from tippedisk_verify.theory.equilibria import linearization, right_eigenvector
 
 __all__ = ["CONNECTION_CLAIMS", "FAMILY"]

@@ -9,13 +9,13 @@ from functools import lru_cache
 from tippedisk_verify.audit.claims import Audit, Claim, Fault
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.flow.contract import Engine
 from tippedisk_verify.model.equations import equation_terms, jacobian
 from tippedisk_verify.model.friction import Friction
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.basins import basins
 from tippedisk_verify.numbers.precision import DOUBLE
+from tippedisk_verify.omega_h.methods import heteroclinic
 from tippedisk_verify.theory.hopf import criticality, omega_crit
 from tippedisk_verify.theory.slow_manifold import critical_manifold
 

@@ -79,7 +79,7 @@ _PRINTED: dict[str, tuple[tuple[str, ...], ...]] = {
     "harmonic-balance": (("cycles.collocation.collocation_cycles", "CollocationCycle"),),
     "branch": (_CYCLES,),
     "basin": (("", "margin"),),
-    "heteroclinic": (("connection.heteroclinic", "Heteroclinic"),),
+    "heteroclinic": (("omega_h.connecting_orbit", "Heteroclinic"),),
 }
 
 

@@ -20,7 +20,7 @@ from tippedisk_verify.numbers.exact import Exact, exact
 from tippedisk_verify.support.files import read_text, write_bytes, write_table
 
 if TYPE_CHECKING:
-    from tippedisk_verify.cycles.distance_study import NearHeteroclinic
+    from tippedisk_verify.omega_h.distance_study import NearHeteroclinic
 
 __all__ = ["COMMANDS"]
 
@@ -92,7 +92,7 @@ def _near_heteroclinic(
 
         write_bytes(out, encode_figure(study.plot(), "png"))
     elif out is not None:
-        from tippedisk_verify.cycles.distance_study import PERIOD_LAW_COLUMNS
+        from tippedisk_verify.omega_h.distance_study import PERIOD_LAW_COLUMNS
 
         rows = [
             {**row, **dict(zip(PERIOD_LAW_COLUMNS, row["law"], strict=True))}

@@ -1,5 +1,4 @@
-"""The heteroclinic connection: Omega_h and the orbit of the connection.
+"""The speed of the heteroclinic connection from the saddles' manifolds, without limit cycles.
 
-`cycles.near_omega_h.heteroclinic_methods` has all four methods for Omega_h: one of them needs limit
-cycles.
+`omega_h` offers Omega_h to users, by these and by other methods.
 """

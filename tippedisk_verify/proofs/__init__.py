@@ -1,7 +1,7 @@
 """Proofs in ball arithmetic: closed forms, limit cycles and the heteroclinic connection.
 
-The package imports `model`, numpy and python-flint only. Importing it raises InputError if
-python-flint is not installed.
+The package imports `numbers`, `display`, `model`, numpy and python-flint only. Importing it raises
+InputError if python-flint is not installed.
 
 A *claim* of a certificate is the statement that it proves. The paper's claims are in `audit`.
 """

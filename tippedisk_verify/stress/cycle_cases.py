@@ -9,13 +9,13 @@ from functools import partial
 from tippedisk_verify.connection.bisection import bisect_omega_h
 from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
 from tippedisk_verify.cycles.near_omega_h.cycles_by_broyden import cycle_by_broyden
-from tippedisk_verify.cycles.near_omega_h.heteroclinic_methods import heteroclinic
 from tippedisk_verify.cycles.shooting.section import LIBRATING
 from tippedisk_verify.cycles.shooting.shoot import shoot_limit_cycle
 from tippedisk_verify.errors import AccuracyError, NoSuchCycleError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.model.parameters import PRINTED, Parameters
 from tippedisk_verify.numbers.exact import exact
+from tippedisk_verify.omega_h.methods import heteroclinic
 from tippedisk_verify.stress.case import CaseOutcome, StressCase, check_refusal, compare_numbers
 from tippedisk_verify.theory.hopf import omega_crit
 

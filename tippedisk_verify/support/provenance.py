@@ -31,6 +31,7 @@ _COMPUTING = (
     "flow",
     "connection",
     "cycles",
+    "omega_h",
     "motion",
     "proofs",
     "reference_values",

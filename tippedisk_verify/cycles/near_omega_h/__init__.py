@@ -1,10 +1,7 @@
-"""The neighbourhood of Omega_h, where the period tends to infinity and doubles end.
+"""Limit cycles near Omega_h, where the period tends to infinity and doubles end.
 
 - `cycle_at_distance` solves for the cycle at a distance from Omega_h. It tries these methods in
 turn: `cycles_by_passages`, with the maps of `saddle_passages`, then `cycles_by_broyden`.
-- `period_law` is the asymptotic law of the period.
 - `period_continuation` follows the family to its limit.
-- `heteroclinic_methods` has the four methods for Omega_h.
-
-The study of many distances, with other programs' answers, is `cycles.distance_study`.
+- `arithmetic` chooses the precision.
 """

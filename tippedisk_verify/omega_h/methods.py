@@ -13,7 +13,6 @@ from __future__ import annotations
 from typing import get_args
 
 from tippedisk_verify.connection.bisection import bisect_omega_h
-from tippedisk_verify.connection.heteroclinic import ConnectionMethod, Heteroclinic, heteroclinic_at
 from tippedisk_verify.connection.splitting import (
     MAX_DIGITS,
     omega_h_without_half_width,
@@ -27,6 +26,11 @@ from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
 from tippedisk_verify.numbers.precision import checked_digits
+from tippedisk_verify.omega_h.connecting_orbit import (
+    ConnectionMethod,
+    Heteroclinic,
+    heteroclinic_at,
+)
 
 __all__ = ["OMEGA_H_METHODS", "heteroclinic"]
 

@@ -12,7 +12,6 @@ from typing import Any
 
 from tippedisk_verify.cycles.cycle_at_speed import librating_cycle_at
 from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import cycle_above_omega_h
-from tippedisk_verify.cycles.near_omega_h.period_law import PeriodLaw, period_law
 from tippedisk_verify.display import Printable, data_frame, quantity
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow.contract import Engine
@@ -20,6 +19,7 @@ from tippedisk_verify.model.equations import checked_speed
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.exact import as_list, fraction
 from tippedisk_verify.numbers.measured import Measured
+from tippedisk_verify.omega_h.period_law import PeriodLaw, period_law
 
 __all__ = [
     "PERIOD_LAW_COLUMNS",
