@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from tippedisk_verify.certify import Certifier
     from tippedisk_verify.cycles.branch import Branch
     from tippedisk_verify.cycles.collocation.collocation_cycles import CollocationCycle
-    from tippedisk_verify.cycles.families.folds import Folds, RotationFold
+    from tippedisk_verify.cycles.families.folds import Folds, RotatingFold
     from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle, RotatingCycle
     from tippedisk_verify.cycles.sensitivity import Sensitivity
     from tippedisk_verify.flow.contract import Engine, Event
@@ -563,13 +563,13 @@ class Disk(Parameters):
         Raises:
             AccuracyError: If the family cannot be followed, or the digits were not reached.
         """
-        from tippedisk_verify.cycles.families.folds import libration_folds
+        from tippedisk_verify.cycles.families.folds import librating_folds
         from tippedisk_verify.cycles.locator import cached_locator
 
         locator = cached_locator(self, self._engine(engine))
         if locator.family_failure:
             raise AccuracyError(locator.family_failure)
-        return libration_folds(self, locator.engine, digits=digits, family=locator.librating_family)
+        return librating_folds(self, locator.engine, digits=digits, family=locator.librating_family)
 
     def rotating_cycle(
         self,
@@ -668,7 +668,7 @@ class Disk(Parameters):
         total = 2 * len(speeds or ()) or DEFAULT_ROTATING_COUNT
         return require_some_cycle(with_progress(cycles, "limit cycles", total, progress))
 
-    def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotationFold:
+    def rotation_fold(self, *, digits: int = 12, engine: Engine | None = None) -> RotatingFold:
         """Find the fold, where the stable and the unstable rotating cycles meet and end.
 
         Args:
@@ -682,10 +682,10 @@ class Disk(Parameters):
             NoSuchCycleError: If there is no such fold, or none was found.
             AccuracyError: If the digits were not reached.
         """
-        from tippedisk_verify.cycles.families.folds import rotation_fold
+        from tippedisk_verify.cycles.families.folds import rotating_fold
         from tippedisk_verify.cycles.locator import cached_locator
 
-        return rotation_fold(
+        return rotating_fold(
             cached_locator(self, self._engine(engine)).rotating_family, digits=digits
         )
 

@@ -28,7 +28,7 @@ from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_f
 from tippedisk_verify.cycles.collocation.fourier import CycleKind
 from tippedisk_verify.cycles.cycle_at_speed import cycles_from_guesses
 from tippedisk_verify.cycles.families import folds
-from tippedisk_verify.cycles.families.folds import LibrationFold, libration_folds, rotation_fold
+from tippedisk_verify.cycles.families.folds import LibratingFold, librating_folds, rotating_fold
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.shooting.section import LIBRATING
@@ -59,10 +59,10 @@ POSITIVE_SADDLE_VALUE = PRINTED.changed(
 def test_the_fold_is_the_one_by_collocation(taylor, kind, digits) -> None:
     disk = FOLDING if kind is CycleKind.LIBRATING else PRINTED
     if kind is CycleKind.LIBRATING:
-        (shot,) = found = libration_folds(disk, taylor, digits=digits)
+        (shot,) = found = librating_folds(disk, taylor, digits=digits)
         assert found.followed_to == "Omega_h"
     else:
-        shot = rotation_fold(cached_locator(disk, taylor).rotating_family, digits=digits)
+        shot = rotating_fold(cached_locator(disk, taylor).rotating_family, digits=digits)
     other = collocation_fold(disk, kind, digits=digits + 5)
     for name in ("omega", "period", *type(shot).section.coordinate_names, "null_vector"):
         assert (getattr(shot, name) - other[name]).holds(0), name
@@ -76,11 +76,11 @@ def test_a_fold_has_the_digits_asked_for_or_is_refused(monkeypatch, taylor) -> N
     }
     monkeypatch.setattr(folds, "_fold_in", lambda *_: SimpleNamespace(**numbers))
     assert (
-        folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 11).omega
+        folds.fold_to_digits(LibratingFold, FOLDING, (1, 1, 1), taylor, 11).omega
         == numbers["omega"]
     )
     with pytest.raises(AccuracyError, match="fewer than 12 digits"):
-        folds.fold_to_digits(LibrationFold, FOLDING, (1, 1, 1), taylor, 12)
+        folds.fold_to_digits(LibratingFold, FOLDING, (1, 1, 1), taylor, 12)
 
 
 def test_collocation_finds_no_fold_where_there_is_none() -> None:
@@ -93,7 +93,7 @@ def test_cycles_meet_at_the_fold(taylor) -> None:
     """Next to the fold both cycles exist, at distances that go with the root of the speed's. Beyond
     it there is no cycle.
     """
-    (fold,) = libration_folds(FOLDING, taylor)
+    (fold,) = librating_folds(FOLDING, taylor)
     known = cached_locator(FOLDING, taylor)
     apart = []
     for below in ("4e-8", "1e-8", "1e-12"):
@@ -114,7 +114,7 @@ def test_a_positive_saddle_value_folds_below_omega_h(taylor) -> None:
     """Cycles are born stable and are unstable next to the connection. In between the speed is
     smallest.
     """
-    (fold,) = libration_folds(POSITIVE_SADDLE_VALUE, taylor)
+    (fold,) = librating_folds(POSITIVE_SADDLE_VALUE, taylor)
     known = LibratingFamily(POSITIVE_SADDLE_VALUE, taylor)
     assert fold.omega.value < known.limit < known.omega_crit
     halfway = (fold.omega.value + fraction(known.limit)) / 2
@@ -136,7 +136,7 @@ def test_a_small_fold_that_doubles_see_as_well_is_one(monkeypatch, taylor) -> No
         return SimpleNamespace(gamma_bar_0=start[0], omega=start[2])
 
     monkeypatch.setattr(folds, "fold_to_digits", at_start)
-    (fold,) = libration_folds(disk, taylor, family=family)
+    (fold,) = librating_folds(disk, taylor, family=family)
     square = -FOLD_AMPLITUDE_SLOPE * 3e-9  # the next term is a tenth at 1e-7 kg m^2
     assert abs(fold.gamma_bar_0**2 / square - 1) < 0.005
 
@@ -146,7 +146,7 @@ def test_next_to_a_generalized_hopf_point_folds_follow_the_closed_form(taylor) -
     """Doubles only see their rounding there."""
     below = "1e-16"
     disk = PRINTED.changed(A=A_B - Fraction(below))
-    (fold,) = libration_folds(disk, taylor)
+    (fold,) = librating_folds(disk, taylor)
     square = -FOLD_AMPLITUDE_SLOPE * float(below)
     # The next term is in proportion to the distance: a tenth at 1e-7 kg m^2.
     assert abs(float(fold.gamma_bar_0) ** 2 / square - 1) < 1e-4
@@ -158,7 +158,7 @@ def test_another_orbit_is_not_taken_for_one_of_the_family(taylor) -> None:
     """With little friction other orbits are close by. One of them among the nodes turned one fold
     into five.
     """
-    first, second = libration_folds(PRINTED.changed(mu="0.015"), taylor)
+    first, second = librating_folds(PRINTED.changed(mu="0.015"), taylor)
     assert second.omega.value - first.omega.value > Fraction(1, 10)
 
 

@@ -15,7 +15,7 @@ from tippedisk_verify import DOUBLE, PRINTED, QUADRUPLE, Request, Status, equili
 from tippedisk_verify.cycles.branch_cycles import rotating_branch
 from tippedisk_verify.cycles.collocation.collocation_cycles import collocation_rotating_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
-from tippedisk_verify.cycles.families.folds import rotation_fold
+from tippedisk_verify.cycles.families.folds import rotating_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.cycles.near_omega_h.cycle_at_distance import rotating_cycle_below_omega_h
 from tippedisk_verify.model.equations import normal_force_over_weight, vector_field
@@ -54,7 +54,7 @@ def test_the_fold_is_the_end_of_both_families(taylor, friction) -> None:
     and T is its mean.
     """
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(cached_locator(disk, taylor).rotating_family)
+    fold = rotating_fold(cached_locator(disk, taylor).rotating_family)
     apart = []
     for distance in (Fraction(1, 10**4), Fraction(1, 10**6)):
         ends = [

@@ -443,7 +443,7 @@ def rotating(draw: Draw, law: str) -> Question:
     return _with_more(ask, draw.choice((9, 12)))
 
 
-def rotation_fold(draw: Draw) -> Question:
+def rotating_fold(draw: Draw) -> Question:
     disk = draw.disk(STRUCTURED, draw.choice(("linear", "linear", "smooth")), 500)
     return _with_more(disk.rotation_fold, draw.choice((9, 12)), 8)
 
@@ -533,7 +533,7 @@ KINDS = (
     ),
     Kind("rotating cycle", partial(rotating, law="linear"), 1, 5, 0.3),
     Kind("rotating cycle, smooth", partial(rotating, law="smooth"), 0, 2, 0.25),
-    Kind("fold of rotating cycles", rotation_fold, 0, 2, 0.3),
+    Kind("fold of rotating cycles", rotating_fold, 0, 2, 0.3),
     Kind("rotating, next to Omega_h", below_omega_h, 0, 2, 0.4),
     Kind("basin boundary", basin_boundary, 0, 3, 0.2, flown=False),
 )

@@ -17,7 +17,7 @@ from tippedisk_verify import (
     omega_crit,
     shoot_limit_cycle,
 )
-from tippedisk_verify.cycles.families.folds import libration_folds
+from tippedisk_verify.cycles.families.folds import librating_folds
 from tippedisk_verify.theory.hopf import speed_below_crit
 
 _SHRINKING = 4  #: of the distance from one fold to the next
@@ -54,7 +54,7 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
         ranges, squares = [], []
         for distance in distances:
             A = str(mpmath.mpf(_A_B) - distance)
-            (fold,) = libration_folds(PRINTED.changed(A=A, C=None), taylor, digits=20)
+            (fold,) = librating_folds(PRINTED.changed(A=A, C=None), taylor, digits=20)
             ranges.append((fold.omega - crit).mpf())
             squares.append(fold.gamma_bar_0.mpf() ** 2)
         prefactors = [

@@ -20,7 +20,7 @@ from tippedisk_verify import (
     scene_named,
 )
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
-from tippedisk_verify.cycles.families.folds import rotation_fold
+from tippedisk_verify.cycles.families.folds import rotating_fold
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.flow.contract import SECTION
 from tippedisk_verify.motion.scenes import INITIAL_STATES, compute_scene
@@ -106,7 +106,7 @@ def test_orbits_that_only_slow_down_near_the_fold_are_not_taken_for_cycles(
 ) -> None:
     """Check a speed just below the fold, where orbits linger for longer than a scene lasts."""
     disk = PRINTED.with_friction(friction)
-    fold = rotation_fold(cached_locator(disk, taylor).rotating_family).omega.value
+    fold = rotating_fold(cached_locator(disk, taylor).rotating_family).omega.value
     for distance in ("-3e-5", "-1e-7"):
         kinds = {orbit.outcome.kind for orbit in orbits_at(fold + Fraction(distance), disk, taylor)}
         assert kinds <= {"flat", "undecided"}, distance

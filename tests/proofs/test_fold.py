@@ -13,9 +13,9 @@ from tippedisk_verify import PRINTED, Measured, shoot_limit_cycle
 from tippedisk_verify.cycles.cycle_at_speed import rotating_cycle_at
 from tippedisk_verify.cycles.families.folds import (
     Fold,
-    LibrationFold,
+    LibratingFold,
     fold_to_digits,
-    rotation_fold,
+    rotating_fold,
 )
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.proofs.kernel.balls import arb
@@ -64,9 +64,9 @@ def moved(fold: Fold, distance: Fraction) -> list[Fraction]:
 
 
 @pytest.fixture(scope="module")
-def subcritical_fold(taylor) -> LibrationFold:
+def subcritical_fold(taylor) -> LibratingFold:
     return fold_to_digits(
-        LibrationFold, SUBCRITICAL, tuple(map(float, SUBCRITICAL_FOLD)), taylor, 50
+        LibratingFold, SUBCRITICAL, tuple(map(float, SUBCRITICAL_FOLD)), taylor, 50
     )
 
 
@@ -96,7 +96,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
         30,
     )
     fold = fold_to_digits(
-        LibrationFold, POSITIVE, (2.88983290, -0.13685339, 34.44630470), taylor, 50
+        LibratingFold, POSITIVE, (2.88983290, -0.13685339, 34.44630470), taylor, 50
     )
     proof = prove_fold(POSITIVE, moved(fold, Fraction(0)), digits=12)
     held(proof, fold, 12)
@@ -105,7 +105,7 @@ def test_librating_folds_are_proved(taylor, subcritical_fold) -> None:
 
 @pytest.mark.slow(minutes=0.5)
 def test_rotating_folds_are_proved(taylor) -> None:
-    fold = rotation_fold(cached_locator(PRINTED, taylor).rotating_family, digits=30)
+    fold = rotating_fold(cached_locator(PRINTED, taylor).rotating_family, digits=30)
     proof = prove_fold(PRINTED, moved(fold, Fraction(0)), digits=12, section=ROTATING_SECTION)
     held(proof, fold, 12)
     assert proof.extremum == "smallest"

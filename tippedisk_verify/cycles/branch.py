@@ -20,7 +20,7 @@ from tippedisk_verify.cycles.branch_cycles import (
     cycles_found,
     cycles_of_piece,
 )
-from tippedisk_verify.cycles.families.folds import libration_folds
+from tippedisk_verify.cycles.families.folds import librating_folds
 from tippedisk_verify.cycles.limit_cycle import LimitCycle, MissingCycle
 from tippedisk_verify.cycles.locator import cached_locator
 from tippedisk_verify.display import (
@@ -141,7 +141,7 @@ class Branch(Printable):
         if locator.family_failure:
             return tuple(points)
         parameters, family, engine = locator.parameters, locator.librating_family, locator.engine
-        for number, fold in enumerate(libration_folds(parameters, engine, family=family), start=1):
+        for number, fold in enumerate(librating_folds(parameters, engine, family=family), start=1):
             numbers = fold.omega, fold.period, fold.gamma_bar_0, fold.beta_max
             points.append(SpecialPoint(f"fold {number}", *numbers))
         if family.connected:

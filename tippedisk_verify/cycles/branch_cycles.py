@@ -17,7 +17,7 @@ from tippedisk_verify.cycles.cycle_at_speed import (
     librating_cycles_at,
 )
 from tippedisk_verify.cycles.families.family import Family, batch_solver
-from tippedisk_verify.cycles.families.folds import rotation_fold
+from tippedisk_verify.cycles.families.folds import rotating_fold
 from tippedisk_verify.cycles.families.interpolant import FamilyInterpolant
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.families.rotating_family import RotatingFamily
@@ -296,7 +296,7 @@ def _rotating_overview(locator: CycleLocator, half_widths: bool) -> Iterator[Rot
     Speeds lie closest together where the family turns round. They never reach Omega_h.
     """
     family, half = locator.rotating_family, DEFAULT_ROTATING_COUNT // 2
-    fold = Fraction(float(rotation_fold(family).omega))
+    fold = Fraction(float(rotating_fold(family).omega))
     below, beyond = (
         family.omega_h - fold,
         omega_crit(locator.parameters, 20).value + Fraction(1, 2) - fold,

@@ -40,7 +40,7 @@ from tippedisk_verify.model.parameters import SYMBOLS, Parameters
 from tippedisk_verify.numbers.decimals import decimal_magnitude
 from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.numbers.measured import Measured
-from tippedisk_verify.numbers.precision import DOUBLE, Precision, wider_precision
+from tippedisk_verify.numbers.precision import DOUBLE, DOUBLE_DIGITS, Precision, wider_precision
 from tippedisk_verify.theory.hopf import omega_crit_derivatives
 
 __all__ = ["Sensitivity", "sensitivity_of", "sensitivity_of_bifurcations"]
@@ -51,7 +51,6 @@ _TWO_FLIGHTS = (Fraction(1, 2),)
 # A step is shorter than the root of the rounding by a factor of two to this power. Higher
 # derivatives matter at about a tenth of the step that the first derivatives suggest.
 _STEP_BITS = 4
-_MIN_DIGITS = 12  # those of doubles; a cycle without half-widths has as many
 _MIN_SCALE = 2.0**-30  # below it flights need more than quadruple precision, and minutes
 _RESIDUALS = ("first residual", "second residual")
 
@@ -98,7 +97,7 @@ def sensitivity_of(cycle: Cycle) -> Sensitivity:
     """
     section: Section[Any] = LIBRATING if cycle.symmetric else ROTATING
     magnitude = decimal_magnitude(cycle.period.uncertainty / cycle.period.value)
-    digits = max(_MIN_DIGITS, -magnitude / 2)
+    digits = max(DOUBLE_DIGITS, -magnitude / 2)
     scale = _scale(cycle, section)
     if scale < _MIN_SCALE:
         raise AccuracyError(

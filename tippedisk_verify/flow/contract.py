@@ -25,7 +25,7 @@ from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.friction import FrictionLaw
 from tippedisk_verify.model.parameters import Constants, Parameters
 from tippedisk_verify.numbers.exact import is_one_of, refuse_units_and_masks, short_text
-from tippedisk_verify.numbers.precision import DOUBLE, Precision
+from tippedisk_verify.numbers.precision import DOUBLE, DOUBLE_DIGITS, Precision
 
 __all__ = [
     "BETA_EXTREME",
@@ -34,7 +34,6 @@ __all__ = [
     "FLAT",
     "GAMMA_TOP",
     "MAX_STEPS",
-    "PLAIN_DIGITS",
     "SECTION",
     "SLIDING_REVERSAL",
     "Build",
@@ -57,8 +56,6 @@ Variation = Literal[
 #: The default limit of a run's steps: half an hour of ordinary motion. A run that needs more is
 #: usually stuck.
 MAX_STEPS = 100_000
-#: The number of digits up to which a run in doubles is left as it is.
-PLAIN_DIGITS = 12
 #: The number of digits up to which extended numbers carry the estimate of a run's error. A machine
 #: without them uses doubles in their place.
 EXTENDED_DIGITS = 16
@@ -246,9 +243,9 @@ class Request:
     events: tuple[Event, ...] = ()
     #: Compute half-widths that hold the error of all numbers (`flow.half_widths_by_defect`).
     error_estimate: bool = False
-    #: Significant digits. Beyond `PLAIN_DIGITS`, in doubles and with an error estimate, the error
+    #: Significant digits. Beyond `DOUBLE_DIGITS`, in doubles and with an error estimate, the error
     #: is removed from the result.
-    digits: int = PLAIN_DIGITS
+    digits: int = DOUBLE_DIGITS
     domain: Literal["event", "samples", "none"] = "event"
     #: For a twin of the run: the pattern by which the inputs' last bits move
     #: (`system.perturb_last_bits`).

@@ -16,7 +16,6 @@ from tippedisk_verify.flow.contract import (
     CORRECTED_DIGITS,
     EXTENDED_DIGITS,
     FLAT,
-    PLAIN_DIGITS,
     ErrorEstimate,
     Event,
     EventRecord,
@@ -29,6 +28,7 @@ from tippedisk_verify.flow.start import SURFACE_ROUNDINGS, Start
 from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR
 from tippedisk_verify.numbers.precision import (
     DOUBLE,
+    DOUBLE_DIGITS,
     EXTENDED,
     QUADRUPLE,
     Precision,
@@ -52,8 +52,8 @@ class _DefectMethod(NamedTuple):
 
 
 _METHODS = (
-    _DefectMethod(PLAIN_DIGITS, EXTENDED, 3, 0),
-    _DefectMethod(PLAIN_DIGITS, EXTENDED, 8, 5),
+    _DefectMethod(DOUBLE_DIGITS, EXTENDED, 3, 0),
+    _DefectMethod(DOUBLE_DIGITS, EXTENDED, 8, 5),
     _DefectMethod(EXTENDED_DIGITS, EXTENDED, 5, 3),
     _DefectMethod(20, QUADRUPLE, 10, 8),
     _DefectMethod(CORRECTED_DIGITS, QUADRUPLE, 18, 16),
@@ -146,7 +146,7 @@ def half_widths_from_defect(request: Request, result: Result) -> Result | None:
                 continue
             except FirstOrderFails:
                 return None
-            if request.digits <= PLAIN_DIGITS:
+            if request.digits <= DOUBLE_DIGITS:
                 return refined
             if _reaches_digits(request.digits, refined):
                 return refined._replace(precision=method.wide_precision)
@@ -225,7 +225,7 @@ class _RunWithError:
     def __init__(self, request: Request, result: Result, method: _DefectMethod) -> None:
         self.wide_precision, self.uncorrected = (
             method.wide_precision,
-            request.digits <= PLAIN_DIGITS,
+            request.digits <= DOUBLE_DIGITS,
         )
         self._request = request
         self._start = start = Start.of(request, self.wide_precision)

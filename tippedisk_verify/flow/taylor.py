@@ -19,12 +19,17 @@ import numpy
 from tippedisk_verify.errors import InputError
 from tippedisk_verify.flow import default_engine
 from tippedisk_verify.flow.compiled_runners import CompiledRunners
-from tippedisk_verify.flow.contract import FLAT, PLAIN_DIGITS, Build, Request, Result, Status
+from tippedisk_verify.flow.contract import FLAT, Build, Request, Result, Status
 from tippedisk_verify.flow.start import starts_at_rest, starts_on_a_surface
 from tippedisk_verify.flow.stepper import CompiledStepper
 from tippedisk_verify.numbers.arrays import round_to_doubles
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors_in_methods
-from tippedisk_verify.numbers.precision import DOUBLE, bits_for_digits, precision_of_bits
+from tippedisk_verify.numbers.precision import (
+    DOUBLE,
+    DOUBLE_DIGITS,
+    bits_for_digits,
+    precision_of_bits,
+)
 
 __all__ = ["Taylor"]
 
@@ -127,9 +132,9 @@ class Taylor:
         from tippedisk_verify.flow.half_widths_by_defect import half_widths_from_defect
 
         refined = half_widths_from_defect(request, result)
-        if refined is None and request.digits > PLAIN_DIGITS:
+        if refined is None and request.digits > DOUBLE_DIGITS:
             precision = precision_of_bits(bits_for_digits(request.digits + 8))
-            wide = replace(request, precision=precision, tolerance=None, digits=PLAIN_DIGITS)
+            wide = replace(request, precision=precision, tolerance=None, digits=DOUBLE_DIGITS)
             return self(wide)._replace(precision=precision)
         if refined is None:
             from tippedisk_verify.flow.half_widths_by_wider_run import half_widths_from_wider_run

@@ -18,7 +18,6 @@ from tippedisk_verify.flow.contract import (
     CORRECTED_DIGITS,
     EXTENDED_DIGITS,
     MAX_STEPS,
-    PLAIN_DIGITS,
     SECTION,
     SLIDING_REVERSAL,
     STATE_VARIATIONS,
@@ -38,6 +37,7 @@ from tippedisk_verify.numbers.arrays import half_widths_in_doubles, numpy_safe, 
 from tippedisk_verify.numbers.exact import as_list, exact, short_text
 from tippedisk_verify.numbers.precision import (
     DOUBLE,
+    DOUBLE_DIGITS,
     EXTENDED,
     Precision,
     bits_for_digits,
@@ -91,7 +91,7 @@ class MotionRequest:
         half_widths: bool = True,
     ) -> None:
         digits = checked_digits(digits)
-        if rtol is not None and digits > PLAIN_DIGITS:
+        if rtol is not None and digits > DOUBLE_DIGITS:
             raise InputError("rtol is the tolerance of doubles: give either rtol or digits")
         self.engine = engine
         self._start, self._end = start, end = span_of(time)
@@ -99,7 +99,7 @@ class MotionRequest:
         corrected = measured and digits <= CORRECTED_DIGITS
         precision = (
             DOUBLE
-            if corrected or digits <= PLAIN_DIGITS
+            if corrected or digits <= DOUBLE_DIGITS
             else precision_of_bits(bits_for_digits(digits + 8))
         )
         times: Any = None
@@ -139,7 +139,7 @@ class MotionRequest:
                 for event in _as_sequence(events)
             ),
             error_estimate=measured,
-            digits=digits if corrected else PLAIN_DIGITS,
+            digits=digits if corrected else DOUBLE_DIGITS,
             max_steps=max_steps,
         )
 

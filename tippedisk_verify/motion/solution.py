@@ -13,13 +13,13 @@ import numpy
 
 from tippedisk_verify.display import Printable, data_frame, numbers_as_json
 from tippedisk_verify.errors import InputError
-from tippedisk_verify.flow.contract import PLAIN_DIGITS, Engine, EventRecord, Request, Status
+from tippedisk_verify.flow.contract import Engine, EventRecord, Request, Status
 from tippedisk_verify.model.equations import STATE_NAMES
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.motion.times import decimal_time, since_start
 from tippedisk_verify.numbers.arrays import numpy_safe, round_to_doubles
 from tippedisk_verify.numbers.exact import Exact, as_list, exact, fraction
-from tippedisk_verify.numbers.precision import DOUBLE
+from tippedisk_verify.numbers.precision import DOUBLE, DOUBLE_DIGITS
 
 __all__ = ["Derivative", "Solution"]
 
@@ -162,7 +162,7 @@ class Solution(Printable):
         if (since * length < 0).any() or (abs(since) > abs(length)).any():
             first, last = sorted((float(self._start), float(end)))
             raise InputError(f"the solution is known from {first:.10g} s to {last:.10g} s")
-        if request.digits > PLAIN_DIGITS:  # the error at each time is removed
+        if request.digits > DOUBLE_DIGITS:  # the error at each time is removed
             _, first_of, places = numpy.unique(abs(since), return_index=True, return_inverse=True)
             wanted = replace(request, times=[times[n] for n in first_of], events=(), variations=())
             states = engine(wanted).samples.T[:, places]

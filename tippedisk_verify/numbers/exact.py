@@ -150,7 +150,7 @@ def plain_number(value: object) -> Exact | BinaryFloat | Decimal | float | str:
 
     - A text (str) is returned as it is: the caller reads it.
     - A float of Python's or NumPy's in double precision is a float, a Decimal a Decimal.
-    - Other floating-point numbers become `Binary`: those of NumPy, mpmath, gmpy2, heyoka,
+    - Other floating-point numbers become `BinaryFloat`: those of NumPy, mpmath, gmpy2, heyoka,
       python-flint and SymPy. Their infinities and NaN become a float.
     - Integers and rationals of every kind become `Exact`: objects with ``__index__``, or with a
       numerator and a denominator.

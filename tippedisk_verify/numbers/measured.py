@@ -24,6 +24,7 @@ from tippedisk_verify.numbers.decimals import (
     round_up,
 )
 from tippedisk_verify.numbers.exact import Approximate, fraction, rational_in_context, short_text
+from tippedisk_verify.numbers.precision import DOUBLE_DIGITS
 
 __all__ = ["HALF_WIDTH_FACTOR", "Bounded", "HalfWidth", "Measured"]
 
@@ -34,7 +35,6 @@ HALF_WIDTH_FACTOR = 2
 
 _MAX_POWER = 1000  # the largest power that is computed by multiplication
 _MAX_EXPONENT = 100_000  # a larger one is a mistake, and would cost memory without bound
-_DOUBLE_DIGITS = 12  # the maximum number of digits for which doubles are used
 _SPARE_BITS = 8  # mpmath's last place is right to one or two units, so this many bits are not used
 
 
@@ -368,7 +368,7 @@ class Measured(Bounded):
         return cls(value, uncertainty)  # type: ignore[arg-type]
 
     @classmethod
-    def without_half_width(cls, value: object, digits: int = _DOUBLE_DIGITS) -> Measured:
+    def without_half_width(cls, value: object, digits: int = DOUBLE_DIGITS) -> Measured:
         """Return a number whose error was not measured.
 
         It is shown without a half-width, or with an infinite one. A comparison with it by size
@@ -380,7 +380,7 @@ class Measured(Bounded):
                 digits more.
         """
         exact_value = fraction(value)
-        if exact_value and digits > _DOUBLE_DIGITS:
+        if exact_value and digits > DOUBLE_DIGITS:
             exact_value = Fraction(
                 round_to_place(exact_value, decimal_magnitude(exact_value) - digits - 2)[0]
             )

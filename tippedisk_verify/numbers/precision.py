@@ -34,6 +34,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "DOUBLE",
+    "DOUBLE_DIGITS",
     "EXTENDED",
     "FUNCTION_NAMES",
     "QUADRUPLE",
@@ -50,6 +51,8 @@ __all__ = [
 # Python converts integers of up to 4300 decimal digits. Guard digits stay below that limit too.
 _MAX_DIGITS = 4_000
 _MAX_BITS = 4_000_000
+#: The significant digits that results in double have, unless the equations amplify rounding.
+DOUBLE_DIGITS = 12
 #: The functions of every namespace here. heyoka, math, NumPy and mpmath name them alike.
 FUNCTION_NAMES = ("sin", "cos", "tan", "atan", "exp", "log", "sqrt", "sinh", "cosh", "tanh")
 

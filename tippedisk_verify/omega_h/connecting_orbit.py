@@ -13,20 +13,14 @@ from tippedisk_verify.connection.splitting import SplittingZero
 from tippedisk_verify.display import Printable, quantity
 from tippedisk_verify.errors import AccuracyError, InputError
 from tippedisk_verify.flow import default_engine
-from tippedisk_verify.flow.contract import (
-    GAMMA_TOP,
-    PLAIN_DIGITS,
-    Engine,
-    Request,
-    Result,
-    Status,
-)
+from tippedisk_verify.flow.contract import GAMMA_TOP, Engine, Request, Result, Status
 from tippedisk_verify.model.array_function import ArrayFunction
 from tippedisk_verify.model.equations import vector_field as equations_of_motion
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.arrays import round_to_doubles
 from tippedisk_verify.numbers.exact import short_text
 from tippedisk_verify.numbers.measured import HALF_WIDTH_FACTOR, Measured
+from tippedisk_verify.numbers.precision import DOUBLE_DIGITS
 from tippedisk_verify.theory.equilibria import equilibrium
 from tippedisk_verify.theory.saddle_manifolds import Saddle
 
@@ -165,7 +159,7 @@ class Heteroclinic(Printable):
                 events=(GAMMA_TOP,),
                 domain="none",
                 error_estimate=measured and engine.measures_error,
-                digits=_ORBIT_DIGITS if measured and engine.measures_error else PLAIN_DIGITS,
+                digits=_ORBIT_DIGITS if measured and engine.measures_error else DOUBLE_DIGITS,
             )
         )
         if result.status is not Status.REACHED or not result.events:

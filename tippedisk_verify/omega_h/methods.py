@@ -25,7 +25,7 @@ from tippedisk_verify.flow.scipy_engine import ScipyEngine
 from tippedisk_verify.model.parameters import Parameters
 from tippedisk_verify.numbers.exact import is_one_of, short_text
 from tippedisk_verify.numbers.numpy_errors import ignore_numpy_errors
-from tippedisk_verify.numbers.precision import checked_digits
+from tippedisk_verify.numbers.precision import DOUBLE_DIGITS, checked_digits
 from tippedisk_verify.omega_h.connecting_orbit import (
     ConnectionMethod,
     Heteroclinic,
@@ -36,7 +36,6 @@ __all__ = ["OMEGA_H_METHODS", "heteroclinic"]
 
 #: The names of the methods.
 OMEGA_H_METHODS: tuple[ConnectionMethod, ...] = get_args(ConnectionMethod)
-_DOUBLE_DIGITS = 12  # the largest number of digits of the methods that run in double
 
 
 @ignore_numpy_errors()
@@ -67,9 +66,9 @@ def heteroclinic(
             f"method '{short_text(method)}' is not known: use {', '.join(OMEGA_H_METHODS)}"
         )
     digits, zero = checked_digits(digits), None
-    if method in ("bisection", "scipy") and digits > _DOUBLE_DIGITS:
+    if method in ("bisection", "scipy") and digits > DOUBLE_DIGITS:
         raise InputError(
-            f"{method} runs in double: at most {_DOUBLE_DIGITS} digits, not {digits}; use manifolds"
+            f"{method} runs in double: at most {DOUBLE_DIGITS} digits, not {digits}; use manifolds"
         )
     if digits > MAX_DIGITS:
         raise InputError(

@@ -72,12 +72,12 @@ def not_converged_error(samples: int) -> NoSuchCycleError:
     )
 
 
-def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None:
+def solve_on_plane(collocation: Collocation, start: Any, normal: Any = None) -> Any | None:
     """Solve the collocation equations for the limit cycle in the plane through ``start`` with the
     given normal.
 
     Args:
-        a: The collocation, in double.
+        collocation: The collocation, in double.
         start: The first guess (n + 2,).
         normal: The normal (n + 2,) of the plane; None for the plane of the start's speed.
 
@@ -86,17 +86,20 @@ def solve_on_plane(a: Collocation, start: Any, normal: Any = None) -> Any | None
         kind.
     """
     if normal is None:
-        normal = numpy.eye(1, a.count + 2, a.count + 1)[0]
+        normal = numpy.eye(1, collocation.count + 2, collocation.count + 1)[0]
     return _solve(
-        a,
+        collocation,
         start,
-        lambda point: numpy.vstack((a.jacobian(point), normal)),
-        lambda point: numpy.append(a.residual(point), normal @ (point - start)),
+        lambda point: numpy.vstack((collocation.jacobian(point), normal)),
+        lambda point: numpy.append(collocation.residual(point), normal @ (point - start)),
     )
 
 
 def _solve(
-    a: Collocation, start: Any, matrix: Callable[[Any], Any], residual: Callable[[Any], Any]
+    collocation: Collocation,
+    start: Any,
+    matrix: Callable[[Any], Any],
+    residual: Callable[[Any], Any],
 ) -> Any | None:
     """Solve the collocation equations ``residual`` = 0 for a limit cycle by Newton's iteration,
     with their derivative ``matrix``.
@@ -104,7 +107,7 @@ def _solve(
     The unknowns are a point (n + 2,), and any further ones after it. Returns them, or None if the
     iteration does not converge, or leaves the cycles of this kind.
     """
-    n = a.count
+    n = collocation.count
     amplitude = abs(start[:n]).max()
     unknowns, smallest = start, math.inf
     for _ in range(_MAX_NEWTON_STEPS):
@@ -117,7 +120,7 @@ def _solve(
         unknowns = unknowns - min(1.0, _MAX_STEP / max(longest, 1e-300)) * step
         beta, others = unknowns[:n], unknowns[n : n + 2]
         size = longest / amplitude + abs(step[n : n + 2] / others).max()
-        if a.kind is CycleKind.ROTATING:  # the disk leans to one side
+        if collocation.kind is CycleKind.ROTATING:  # the disk leans to one side
             is_cycle = beta.min() > 0 and beta.max() < math.pi / 2
         else:
             is_cycle = abs(beta).max() >= amplitude / 4 and (others > 0).all()
@@ -130,11 +133,11 @@ def _solve(
 
 
 # -------------------------------------------------------------------------------------------- folds
-def collocation_fold_near(a: Collocation, start: Any) -> Any | None:
+def collocation_fold_near(collocation: Collocation, start: Any) -> Any | None:
     """Solve the collocation equations for a fold of limit cycles near a point.
 
     Args:
-        a: The collocation, in double.
+        collocation: The collocation, in double.
         start: The first guess (n + 2,).
 
     Returns:
@@ -142,53 +145,57 @@ def collocation_fold_near(a: Collocation, start: Any) -> Any | None:
         a fold.
     """
     # The branch's tangent is the null vector where Omega is extreme.
-    null = numpy.linalg.svd(a.jacobian(start))[2][-1][:-1]
+    null = numpy.linalg.svd(collocation.jacobian(start))[2][-1][:-1]
     pivot = abs(null).argmax()
     unknowns = numpy.append(start, null / null[pivot])
     return _solve(
-        a,
+        collocation,
         unknowns,
-        lambda fold: fold_system(a, fold, pivot),
-        lambda fold: fold_residual(a, fold, pivot),
+        lambda fold: fold_system(collocation, fold, pivot),
+        lambda fold: fold_residual(collocation, fold, pivot),
     )
 
 
-def fold_residual(a: Collocation, fold: Any, pivot: int) -> Any:
+def fold_residual(collocation: Collocation, fold: Any, pivot: int) -> Any:
     """Return the residuals (2 n + 3,) of the collocation equations of a fold.
 
     They are the equations of the cycle, those of a null vector of their derivative, and the null
     vector's scale.
 
     Args:
-        a: The collocation.
+        collocation: The collocation.
         fold: The fold's point and null vector (2 n + 3,).
         pivot: The place of the null vector's entry that is 1.
     """
-    point, null = fold[: a.count + 2], fold[a.count + 2 :]
+    point, null = fold[: collocation.count + 2], fold[collocation.count + 2 :]
     return numpy.concatenate(
-        (a.residual(point), a.directional_derivative(point, null), [null[pivot] - 1])
+        (
+            collocation.residual(point),
+            collocation.directional_derivative(point, null),
+            [null[pivot] - 1],
+        )
     )
 
 
-def fold_system(a: Collocation, fold: Any, pivot: int) -> Any:
+def fold_system(collocation: Collocation, fold: Any, pivot: int) -> Any:
     """Return the derivative of `fold_residual`, in double: (2 n + 3, 2 n + 3).
 
     Second derivatives are symmetric. So the derivative of the null vector's equations with respect
     to the point is the change of the matrix along the null vector.
 
     Args:
-        a: The collocation, in double.
+        collocation: The collocation, in double.
         fold: The fold's point and null vector (2 n + 3,).
         pivot: The place of the null vector's entry that is 1.
     """
-    n = a.count
+    n = collocation.count
     point, moved = fold[: n + 2], numpy.append(_DIFFERENCE_STEP * fold[n + 2 :], 0.0)
     rows = numpy.zeros((2 * n + 3, 2 * n + 3))
-    matrix = a.jacobian(point)
+    matrix = collocation.jacobian(point)
     rows[: n + 1, : n + 2] = matrix
-    rows[n + 1 : -1, : n + 2] = (a.jacobian(point + moved) - a.jacobian(point - moved)) / (
-        2 * _DIFFERENCE_STEP
-    )
+    rows[n + 1 : -1, : n + 2] = (
+        collocation.jacobian(point + moved) - collocation.jacobian(point - moved)
+    ) / (2 * _DIFFERENCE_STEP)
     rows[n + 1 : -1, n + 2 :] = matrix[:, :-1]
     rows[-1, n + 2 + pivot] = 1.0
     return rows
@@ -245,13 +252,13 @@ def _follow_branch(
     yield before, True
     for _ in range(_MAX_CONTINUATION_STEPS):
         n = len(point) - 2
-        a = Collocation(parameters, kind, n)
+        collocation = Collocation(parameters, kind, n)
         before = resample(kind, before, n)
         along = point - before
         # The plane across the branch, with frequency and speed in units of their own size, and
         # beta_bar by its mean square.
         units = numpy.append(numpy.full(n, math.sqrt(n)), point[-2:])
-        ahead = solve_on_plane(a, point + length * along, along / units**2)
+        ahead = solve_on_plane(collocation, point + length * along, along / units**2)
         if ahead is None:  # the step is too long, or the cycle needs more harmonics: change both
             length /= 2
             if length < 1e-3:
@@ -261,7 +268,7 @@ def _follow_branch(
         passed = [(point, False)]
         if along[-1] * (ahead[-1] - point[-1]) < 0:
             for start in (point, before):
-                fold = collocation_fold_near(a, start)
+                fold = collocation_fold_near(collocation, start)
                 if fold is not None:
                     behind = (fold[: n + 2] - point) @ (ahead - before) < 0
                     passed.insert(0 if behind else 1, (fold[: n + 2], True))
@@ -370,10 +377,10 @@ def rotating_point_at(parameters: Parameters, omega: float, stable: bool) -> Any
         NoSuchCycleError: If Newton's iteration does not get there from any of the rolling disk's
             rotations.
     """
-    a = Collocation(parameters, CycleKind.ROTATING, _ROTATION_SAMPLES)
+    collocation = Collocation(parameters, CycleKind.ROTATING, _ROTATION_SAMPLES)
     for lean in _START_LEANS if stable else _START_LEANS[::-1]:
-        point = solve_on_plane(a, _rolling_disk_cycle(parameters, omega, lean))
-        if point is not None and (floquet_mode(a, point)[0] < 0) == stable:
+        point = solve_on_plane(collocation, _rolling_disk_cycle(parameters, omega, lean))
+        if point is not None and (floquet_mode(collocation, point)[0] < 0) == stable:
             return point
     raise NoSuchCycleError(
         f"collocation finds no {'stable' if stable else 'unstable'} rotating cycle here"
@@ -397,11 +404,11 @@ def _rolling_disk_cycle(parameters: Parameters, omega: float, lean: float) -> An
     return numpy.append(samples, (2 * math.pi / times[-1], omega))
 
 
-def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
+def floquet_mode(collocation: Collocation, point: Any) -> tuple[float, Any, Any]:
     """Return the slow Floquet exponent of a rotating cycle and its mode, in double by collocation.
 
     Args:
-        a: The collocation, in double.
+        collocation: The collocation, in double.
         point: The cycle's point (n + 2,).
 
     Returns:
@@ -410,17 +417,17 @@ def floquet_mode(a: Collocation, point: Any) -> tuple[float, Any, Any]:
         exponent and the mode are an eigenvalue and eigenvector of it.
     """
     by_beta, by_gamma, by_v = (
-        numpy.diag(slope / point[-2]) for slope in a.acceleration_gradient(point)
+        numpy.diag(slope / point[-2]) for slope in collocation.acceleration_gradient(point)
     )
     turning, zero = (
         numpy.diag(point[-1] * numpy.cos(point[:-2]) / point[-2]),
-        numpy.zeros((a.count, a.count)),
+        numpy.zeros((collocation.count, collocation.count)),
     )
     rows = numpy.block(
         [
-            [-a.differentiation_matrix, zero, numpy.eye(a.count) / point[-2]],
-            [turning, -a.differentiation_matrix, zero],
-            [by_beta, by_gamma, by_v - a.differentiation_matrix],
+            [-collocation.differentiation_matrix, zero, numpy.eye(collocation.count) / point[-2]],
+            [turning, -collocation.differentiation_matrix, zero],
+            [by_beta, by_gamma, by_v - collocation.differentiation_matrix],
         ]
     )
     values, vectors = numpy.linalg.eig(rows)

@@ -105,12 +105,12 @@ def collocation_cycle(
     digits = checked_digits(digits)
     start = librating_point_at(parameters, speed)
 
-    def numbers(a: Collocation) -> dict[str, Any]:
-        cycle = _solve_cycle(a, start, speed)
-        gamma, v = a.motion(cycle)
-        beta_max = _beta_max(a, cycle[:-2], digits)
+    def numbers(collocation: Collocation) -> dict[str, Any]:
+        cycle = _solve_cycle(collocation, start, speed)
+        gamma, v = collocation.motion(cycle)
+        beta_max = _beta_max(collocation, cycle[:-2], digits)
         return {
-            "period": 2 * a.pi / cycle[-2],
+            "period": 2 * collocation.pi / cycle[-2],
             "gamma_bar_0": gamma[0],
             "v_0": v[0],
             "beta_max": beta_max,
@@ -134,7 +134,7 @@ def collocation_cycle(
         count = min(MAX_SAMPLES, CycleKind.LIBRATING.samples(more * count))
 
 
-def _beta_max(a: Collocation, beta: Any, digits: int) -> Any:
+def _beta_max(collocation: Collocation, beta: Any, digits: int) -> Any:
     """Return the largest |beta_bar| between the samples of a librating cycle, by Newton's iteration
     on the derivative.
 
@@ -143,15 +143,17 @@ def _beta_max(a: Collocation, beta: Any, digits: int) -> Any:
 
         sum over j of (-1)^j f_j sin(n t) / (n sin(t - t_j)).
     """
-    n, first = a.count, int(abs(beta).argmax())
-    at, signs = a.pi * numpy.arange(n) / n, (-1) ** numpy.arange(n)
-    slope = a.derivative_at_samples(beta)
-    curve = a.derivative_at_samples(slope)
+    n, first = collocation.count, int(abs(beta).argmax())
+    at, signs = collocation.pi * numpy.arange(n) / n, (-1) ** numpy.arange(n)
+    slope = collocation.derivative_at_samples(beta)
+    curve = collocation.derivative_at_samples(slope)
     angle = at[first] - slope[first] / curve[first]
     for _ in range(6 + digits.bit_length()):
-        weights = signs / a.sin(angle - at)
+        weights = signs / collocation.sin(angle - at)
         angle -= (weights * slope).sum() / (weights * curve).sum()
-    return abs((signs / a.sin(angle - at) * beta).sum() * a.ctx.sin(n * angle) / n)
+    return abs(
+        (signs / collocation.sin(angle - at) * beta).sum() * collocation.ctx.sin(n * angle) / n
+    )
 
 
 def collocation_guess(parameters: Parameters, omega: Fraction) -> tuple[float, float]:
@@ -202,30 +204,34 @@ def collocation_rotating_cycle(
     digits = checked_digits(digits)
     start = rotating_point_at(parameters, float(speed), stable)
 
-    def numbers(a: Collocation) -> dict[str, Any]:
-        cycle = _solve_cycle(a, start, speed)
-        period = 2 * a.pi / cycle[-2]
+    def numbers(collocation: Collocation) -> dict[str, Any]:
+        cycle = _solve_cycle(collocation, start, speed)
+        period = 2 * collocation.pi / cycle[-2]
         return {
             "period": period,
             "beta_bar_top": cycle[0],
-            "v_top": a.motion(cycle)[1][0],
-            "multiplier_slow": a.ctx.exp(2 * a.pi * _exponent(a, cycle)),
-            "log_multipliers": period * a.acceleration_gradient(cycle)[2].sum() / a.count,
+            "v_top": collocation.motion(cycle)[1][0],
+            "multiplier_slow": collocation.ctx.exp(
+                2 * collocation.pi * _exponent(collocation, cycle)
+            ),
+            "log_multipliers": period
+            * collocation.acceleration_gradient(cycle)[2].sum()
+            / collocation.count,
         }
 
     count = samples_for(CycleKind.ROTATING, start, digits)
     return _at_two_resolutions(parameters, CycleKind.ROTATING, count, digits, numbers)
 
 
-def _exponent(a: Collocation, cycle: Any) -> Any:
+def _exponent(collocation: Collocation, cycle: Any) -> Any:
     """Return the slow Floquet exponent of a limit cycle, in units of the frequency and in the
     arithmetic of the cycle.
     """
-    exponent, mode, rows = floquet_mode(a.double, cycle.astype(float))
-    pivot, identity = int(abs(mode).argmax()), numpy.eye(3 * a.count)
+    exponent, mode, rows = floquet_mode(collocation.double, cycle.astype(float))
+    pivot, identity = int(abs(mode).argmax()), numpy.eye(3 * collocation.count)
     system = numpy.block([[rows - exponent * identity, -mode[:, None]], [identity[pivot], 0.0]])
-    by_beta, by_gamma, by_v = a.acceleration_gradient(cycle)
-    turning = cycle[-1] * a.cos(cycle[:-2])
+    by_beta, by_gamma, by_v = collocation.acceleration_gradient(cycle)
+    turning = cycle[-1] * collocation.cos(cycle[:-2])
 
     def residual(unknowns: Any) -> Any:
         """Return the residual of the variational equation for a mode that grows like exp(exponent *
@@ -238,11 +244,11 @@ def _exponent(a: Collocation, cycle: Any) -> Any:
             / cycle[-2]
         )
         slopes = numpy.concatenate(
-            [a.derivative_at_samples(samples) for samples in (beta, gamma, v)]
+            [collocation.derivative_at_samples(samples) for samples in (beta, gamma, v)]
         )
         return numpy.append(rates - slopes - exponent * mode, mode[pivot] - 1)
 
-    return _chord_iteration(a, system, numpy.append(mode, exponent), residual)[-1]
+    return _chord_iteration(collocation, system, numpy.append(mode, exponent), residual)[-1]
 
 
 # -------------------------------------------------------------------------------------------- folds
@@ -261,7 +267,7 @@ def collocation_fold(
         digits: The approximate digits of the fold's numbers.
 
     Returns:
-        By their names in `RotationFold` or `LibrationFold`: the speed, the period, the state on the
+        By their names in `RotatingFold` or `LibratingFold`: the speed, the period, the state on the
         section and the null vector. Each half-width is twice the distance from a finer collocation.
 
     Raises:
@@ -272,28 +278,28 @@ def collocation_fold(
     digits = checked_digits(digits)
     start = first_fold(parameters, kind)
 
-    def numbers(a: Collocation) -> dict[str, Any]:
-        n, double = a.count, a.double
+    def numbers(collocation: Collocation) -> dict[str, Any]:
+        n, double = collocation.count, collocation.double
         fold = collocation_fold_near(double, resample(kind, start, n))
         if fold is None:
             raise NoSuchCycleError("the collocation of the fold does not converge")
         pivot = int(abs(fold[n + 2 :]).argmax())
         fold = _chord_iteration(
-            a,
+            collocation,
             fold_system(double, fold, pivot),
             fold,
-            lambda fold: fold_residual(a, fold, pivot),
+            lambda fold: fold_residual(collocation, fold, pivot),
         )
         cycle, null = fold[: n + 2], fold[n + 2 :]
-        gamma, v = a.motion(cycle)
-        turned, rate = a.motion_derivative(cycle, null)
+        gamma, v = collocation.motion(cycle)
+        turned, rate = collocation.motion_derivative(cycle, null)
         if kind is CycleKind.ROTATING:
             state, by_family = {"beta_bar_top": cycle[0], "v_top": v[0]}, null
         else:
             state, by_family = {"gamma_bar_0": gamma[0], "v_0": v[0]}, turned
         return {
             "omega": cycle[-1],
-            "period": 2 * a.pi / cycle[-2],
+            "period": 2 * collocation.pi / cycle[-2],
             **state,
             "null_vector": rate[0] / by_family[0],
         }
@@ -335,25 +341,28 @@ def _at_two_resolutions(
     return {name: Measured.compared(value, accurate[name], least) for name, value in coarse.items()}
 
 
-def _solve_cycle(a: Collocation, start: Any, speed: Fraction) -> Any:
+def _solve_cycle(collocation: Collocation, start: Any, speed: Fraction) -> Any:
     """Solve for the limit cycle at a speed by collocation, and return its point (n + 2,) in the
     collocation's arithmetic.
 
     ``start`` is a nearby point in double, with any number of samples. Raises NoSuchCycleError if
     the iteration does not converge.
     """
-    double, exact = a.double, a.number(speed)
-    point = solve_on_plane(double, resample(a.kind, start, a.count))
+    double, exact = collocation.double, collocation.number(speed)
+    point = solve_on_plane(double, resample(collocation.kind, start, collocation.count))
     if point is None:
-        raise not_converged_error(a.count)
+        raise not_converged_error(collocation.count)
     unknowns = _chord_iteration(
-        a, double.jacobian(point)[:, :-1], point[:-1], lambda x: a.residual(numpy.append(x, exact))
+        collocation,
+        double.jacobian(point)[:, :-1],
+        point[:-1],
+        lambda x: collocation.residual(numpy.append(x, exact)),
     )
     return numpy.append(unknowns, exact)
 
 
 def _chord_iteration(
-    a: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]
+    collocation: Collocation, system: Any, start: Any, residual: Callable[[Any], Any]
 ) -> Any:
     """Solve the equations ``residual`` = 0 in mpmath numbers, by chord steps with their derivative
     ``system`` in double.
@@ -363,7 +372,7 @@ def _chord_iteration(
     """
     from scipy.linalg import lu_factor, lu_solve
 
-    factored, unknowns = lu_factor(system), a.number(start)
+    factored, unknowns = lu_factor(system), collocation.number(start)
     smallest = math.inf
     for _ in range(_MAX_PASSES):
         right = residual(unknowns)
@@ -371,10 +380,10 @@ def _chord_iteration(
         if not scale:
             return unknowns
         # A residual of any size is scaled to one, solved for in double, and scaled back.
-        step = scale * a.number(lu_solve(factored, (right / scale).astype(float)))
+        step = scale * collocation.number(lu_solve(factored, (right / scale).astype(float)))
         unknowns = unknowns - step
         size = max(abs(step))
         if not size or (size >= smallest / 2 and size < _SETTLED):
             return unknowns
         smallest = min(smallest, size)
-    raise not_converged_error(a.count)
+    raise not_converged_error(collocation.count)

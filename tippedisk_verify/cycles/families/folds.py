@@ -46,13 +46,13 @@ from tippedisk_verify.theory.hopf import (
 __all__ = [
     "Fold",
     "Folds",
-    "LibrationFold",
-    "RotationFold",
+    "LibratingFold",
+    "RotatingFold",
     "fold_in_double",
     "fold_near",
     "fold_to_digits",
-    "libration_folds",
-    "rotation_fold",
+    "librating_folds",
+    "rotating_fold",
 ]
 
 # The step of the differences, for unknowns of order one. Rounding and the third derivatives then
@@ -92,7 +92,7 @@ class Fold(Printable):
 
 
 @dataclass(frozen=True, repr=False)
-class LibrationFold(Fold):
+class LibratingFold(Fold):
     """A fold of the librating limit cycles, which go about inverted spinning.
 
     ``null_vector`` is d(v_0) / d(gamma_bar_0).
@@ -107,7 +107,7 @@ class LibrationFold(Fold):
 
 
 @dataclass(frozen=True, repr=False)
-class RotationFold(Fold):
+class RotatingFold(Fold):
     """The fold of the rotating limit cycles, at their lowest speed.
 
     ``null_vector`` is d(v_top) / d(beta_bar_top).
@@ -123,7 +123,7 @@ class RotationFold(Fold):
     )
 
 
-class Folds(tuple[LibrationFold, ...]):
+class Folds(tuple[LibratingFold, ...]):
     """The folds of a family of librating cycles, in their order from the Hopf point on."""
 
     followed_to: str  #: the end of the family
@@ -132,7 +132,7 @@ class Folds(tuple[LibrationFold, ...]):
         return {"folds": as_json(tuple(self)), "followed_to": self.followed_to}
 
 
-def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
+def rotating_fold(family: RotatingFamily, *, digits: int = 12) -> RotatingFold:
     """Return the fold of the rotating limit cycles, to ``digits`` significant digits of its speed
     and cycle.
 
@@ -146,13 +146,13 @@ def rotation_fold(family: RotatingFamily, *, digits: int = 12) -> RotationFold:
     """
     digits = checked_digits(digits)
     guess = family.fold_guess()
-    fold: RotationFold = fold_to_digits(
-        RotationFold, family.parameters, (*guess.coordinates, guess.omega), family.engine, digits
+    fold: RotatingFold = fold_to_digits(
+        RotatingFold, family.parameters, (*guess.coordinates, guess.omega), family.engine, digits
     )
     return fold
 
 
-def libration_folds(
+def librating_folds(
     parameters: Parameters,
     engine: Engine,
     *,
@@ -187,7 +187,7 @@ def libration_folds(
             raise AccuracyError(
                 "this family has a fold too close to its end for doubles: they give no digits of it"
             )
-    folds = [fold_to_digits(LibrationFold, parameters, start, engine, digits) for start in starts]
+    folds = [fold_to_digits(LibratingFold, parameters, start, engine, digits) for start in starts]
     for fold, (a, _, omega) in zip(folds, starts, strict=True):
         # A start on polynomials through twenty nodes is right to some digits. A fold far from it is
         # another one.
@@ -232,7 +232,7 @@ def _small_fold(parameters: Parameters) -> tuple[float, float, float] | None:
 
 def fold_in_double(family: RotatingFamily) -> dict[str, float]:
     """Return the numbers of the rotating family's fold to some ten digits, by their names in
-    `RotationFold`.
+    `RotatingFold`.
 
     It compiles nothing that the cycles' family does not need.
 

@@ -20,11 +20,11 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from tippedisk_verify.cycles.limit_cycle import Cycle
-from tippedisk_verify.cycles.near_omega_h.arithmetic import precision_near_omega_h
 from tippedisk_verify.cycles.near_omega_h.period_continuation import (
     PeriodContinuation,
     predicted_state,
 )
+from tippedisk_verify.cycles.near_omega_h.required_precision import precision_near_omega_h
 from tippedisk_verify.cycles.shooting.cycle_numbers import number_names
 from tippedisk_verify.cycles.shooting.error_budget import cycle_in_precision, numbers_at
 from tippedisk_verify.cycles.shooting.newton import FixedPoint, StoppingRule

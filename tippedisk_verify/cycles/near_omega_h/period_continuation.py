@@ -23,7 +23,7 @@ from typing import Any
 
 from tippedisk_verify.cycles.families.librating_family import LibratingFamily
 from tippedisk_verify.cycles.limit_cycle import LimitCycle
-from tippedisk_verify.cycles.near_omega_h.arithmetic import precision_near_omega_h
+from tippedisk_verify.cycles.near_omega_h.required_precision import precision_near_omega_h
 from tippedisk_verify.cycles.shooting.newton import Iterate, StoppingRule, newton
 from tippedisk_verify.cycles.shooting.return_map import ReturnMap
 from tippedisk_verify.cycles.shooting.section import LIBRATING

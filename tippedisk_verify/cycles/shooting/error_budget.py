@@ -43,6 +43,7 @@ from tippedisk_verify.numbers.exact import fraction
 from tippedisk_verify.numbers.measured import Measured
 from tippedisk_verify.numbers.precision import (
     DOUBLE,
+    DOUBLE_DIGITS,
     Precision,
     bits_for_digits,
     precision_of_bits,
@@ -67,7 +68,6 @@ C = TypeVar("C", bound=Cycle)
 # The digits that rounding and the factor of the half-width usually take from the digits of an
 # arithmetic.
 _LOST_DIGITS = 3
-_DOUBLE_DIGITS = 12  # digits that doubles give unless the equations amplify rounding
 #: The number of twins of a cycle in double, and the half-width in units of the spread. The spread
 #: is that of the twins and the cycle itself. For normal errors as large as the twins' an error
 #: beyond the half-width has a probability of 2e-6. The half-width is 14 times the error in the
@@ -117,7 +117,7 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
     if not half_widths:
         precision = (
             DOUBLE
-            if digits <= _DOUBLE_DIGITS
+            if digits <= DOUBLE_DIGITS
             else precision_of_bits(bits_for_digits(digits + EXTRA_DIGITS))
         )
         numbers = numbers_in_precision(fixed_point, precision)
@@ -125,15 +125,15 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
             name: Measured.without_half_width(number, digits) for name, number in numbers.items()
         }
         return _cycle_from_fixed_point(fixed_point, unmeasured, precision)
-    draws, doubles = _twins(fixed_point), list[dict[str, Any]]()
-    wanted, wider = max(digits, _DOUBLE_DIGITS), wider_precision(DOUBLE)
+    twins_left, doubles = _twins(fixed_point), list[dict[str, Any]]()
+    wanted, wider = max(digits, DOUBLE_DIGITS), wider_precision(DOUBLE)
     for precision, twins in (
         (DOUBLE, TWINS),
         (wider, WIDER_TWINS),
         (wider_precision(wider), WIDER_TWINS),
     ):
         if wanted + _LOST_DIGITS <= precision.digits:
-            doubles += islice(draws, 1 + twins - len(doubles))
+            doubles += islice(twins_left, 1 + twins - len(doubles))
             cycle = _by_twins(fixed_point, precision, doubles)
             if (
                 cycle is not None
@@ -143,23 +143,25 @@ def cycle_to_digits(fixed_point: FixedPoint[C], digits: int, *, half_widths: boo
     return cycle_beyond_double(fixed_point, digits)
 
 
-def cycle_beyond_double(fixed_point: FixedPoint[C], digits: int, more: int = EXTRA_DIGITS) -> C:
+def cycle_beyond_double(
+    fixed_point: FixedPoint[C], digits: int, extra_digits: int = EXTRA_DIGITS
+) -> C:
     """Compute a limit cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
-    arithmetic has ``more`` extra digits. They are doubled until the digits are reached, in at most
+    arithmetic has ``extra_digits`` more digits. They are doubled until the digits are reached, in at most
     `_MAX_WIDENINGS` attempts.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
         digits: The significant digits wanted.
-        more: The extra digits of the first arithmetic.
+        extra_digits: The extra digits of the first arithmetic.
 
     Raises:
         AccuracyError: If the widest arithmetic does not reach the digits.
     """
     name: str | None = None
-    for extra in (more * 2**widening for widening in range(_MAX_WIDENINGS)):
+    for extra in (extra_digits * 2**widening for widening in range(_MAX_WIDENINGS)):
         cycle = cycle_in_precision(fixed_point, precision_of_bits(bits_for_digits(digits + extra)))
         if (name := _first_without_digits(cycle, digits)) is None:
             return cycle
