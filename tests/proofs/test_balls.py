@@ -162,7 +162,7 @@ def meddled(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, int], None]:
     def change(name: str, value: int) -> None:
         for place, usual in (
             ("closed_forms.rates", rates),
-            ("kernel.certificates.saddle.vector_field", vector_field),
+            ("kernel.saddle.vector_field", vector_field),
         ):
 
             def spoilt(*arguments: Any, usual: Callable[..., Any] = usual) -> Any:

@@ -25,7 +25,7 @@ from tippedisk_verify.proofs.kernel.certificates import (
     verify_content,
 )
 from tippedisk_verify.proofs.kernel.certificates.connection import _enclose_unstable_branch
-from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
+from tippedisk_verify.proofs.kernel.saddle import SaddleCoordinates
 from tippedisk_verify.proofs.search.cycles_near_omega_h_proof import prove_cycles_near_omega_h
 
 

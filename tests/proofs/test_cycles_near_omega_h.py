@@ -19,18 +19,18 @@ from tests.proofs.cases import in_precision
 from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, TOLERANCE, Orbits
 from tests.proofs.test_passage import BITS, EVIDENCE_VALUES, F, S, U, column, made_up_passage
 from tippedisk_verify.model.parameters import PRINTED
+from tippedisk_verify.proofs.kernel import saddle_passage as flights_module
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball
 from tippedisk_verify.proofs.kernel.certificates import cycles_near_omega_h as module
-from tippedisk_verify.proofs.kernel.certificates import passage as flights_module
 from tippedisk_verify.proofs.kernel.certificates.cycles_near_omega_h import (
     EnclosedCyclesNearOmegaH,
     LoopMap,
     verify_cycles,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
-from tippedisk_verify.proofs.kernel.certificates.passage import enclose_arrivals as flown
-from tippedisk_verify.proofs.kernel.certificates.saddle import SaddleCoordinates
+from tippedisk_verify.proofs.kernel.saddle import SaddleCoordinates
+from tippedisk_verify.proofs.kernel.saddle_passage import SaddlePassage
+from tippedisk_verify.proofs.kernel.saddle_passage import enclose_arrivals as flown
 
 _context = in_precision(BITS)
 #: of D and Q, for the passage of `test_passage`

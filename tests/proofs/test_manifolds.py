@@ -23,7 +23,7 @@ from tippedisk_verify.proofs.kernel.balls import (
     positive,
     working_precision,
 )
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,

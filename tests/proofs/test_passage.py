@@ -23,14 +23,14 @@ from tests.proofs.saddle_orbits import DIRECTIONS, DISK, OMEGA_H, Orbits
 from tippedisk_verify.model.parameters import PRINTED
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, working_precision
-from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
     SaddleCoordinates,
     wedge_product,
 )
+from tippedisk_verify.proofs.kernel.saddle_passage import SaddlePassage
 
 U, S, F = UNSTABLE, SLOW, FAST
 BITS = 64

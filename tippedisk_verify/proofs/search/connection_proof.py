@@ -42,7 +42,8 @@ from tippedisk_verify.proofs.kernel.certificates.connection import (
     is_unique_connecting_speed,
     verify_connection,
 )
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
@@ -52,7 +53,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     off_diagonal_sums,
     verify_unstable_cone,
 )
-from tippedisk_verify.proofs.kernel.proved_flow import EnclosedFlight
 from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,
     Proof,

@@ -37,8 +37,8 @@ from tippedisk_verify.proofs.kernel.certificates.cycles_near_omega_h import (
     LoopMap,
     verify_cycles,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage
-from tippedisk_verify.proofs.kernel.certificates.saddle import magnitude_bound
+from tippedisk_verify.proofs.kernel.saddle import magnitude_bound
+from tippedisk_verify.proofs.kernel.saddle_passage import SaddlePassage
 from tippedisk_verify.proofs.search.connection_proof import ConnectionProof, eigenvectors
 from tippedisk_verify.proofs.search.proof_search import (
     EvidenceSearch,

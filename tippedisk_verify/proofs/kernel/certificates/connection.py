@@ -45,7 +45,9 @@ from tippedisk_verify.proofs.kernel.certificate_format import (
     read_decimal,
     read_dyadic,
 )
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
+from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
@@ -57,8 +59,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     verify_isolating_block,
     verify_unstable_cone,
 )
-from tippedisk_verify.proofs.kernel.krawczyk import FLIGHT_SHAPE, StepReplay
-from tippedisk_verify.proofs.kernel.proved_flow import FlightStopped
 from tippedisk_verify.proofs.kernel.step import Step
 
 __all__ = [

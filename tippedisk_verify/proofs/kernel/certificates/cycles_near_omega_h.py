@@ -1,6 +1,6 @@
 """The limit cycles next to the connection: one for each speed above Omega_h, none at it or below.
 
-The friction law is linear. The notation is that of `passage`, about the saddle (0, pi, 0) in
+The friction law is linear. The notation is that of `saddle_passage`, about the saddle (0, pi, 0) in
 shifted angles. S is x -> -x, and the field is odd about each saddle. All speeds lie in one closed
 interval J, which holds the interval of Omega_h. A message of refusal begins with the number of the
 part of the proof of Theorem 7a (docs/certified_connection.md) that fails.
@@ -13,8 +13,8 @@ D is the set of all z with
 
 An orbit from D that starts below the graph g leaves N through z_u = -u after T seconds, T >=
 `SaddlePassage.min_passage_time`. Bounds of its |z_s| and |z_f| there give the *exit set*. S takes
-the exit to -z about the first saddle. The flight from there (`passage`) reaches z_s = -s about the
-second saddle, at the point R(z).
+the exit to -z about the first saddle. The flight from there (`saddle_passage`) reaches z_s = -s
+about the second saddle, at the point R(z).
 
 If the start tends to the graph, T grows. The exit tends to that of the branch of the unstable
 manifold, because an orbit that has always been in N lies on it. So R is continuous on D with R = p
@@ -63,9 +63,9 @@ It is about the half map P from the section beta_bar = 0, v < 0 to itself, on th
 
     Q = {beta_bar = 0, -c <= y_g < 0, -d <= v < 0}.
 
-Q lies in N, below the graph, and in the set K of `passage`. So an orbit from Q has beta_bar < 0
-until it leaves N through z_u = -u. This stays so in the flight up to its arrival R on z_s = -s. The
-bounds of the exit set hold for it too.
+Q lies in N, below the graph, and in the set K of `saddle_passage`. So an orbit from Q has beta_bar
+< 0 until it leaves N through z_u = -u. This stays so in the flight up to its arrival R on z_s = -s.
+The bounds of the exit set hold for it too.
 
 *If P(x) = x* for an x in Q, the orbit's arrival lies below the graph. Otherwise the orbit would
 leave N through z_u = u or not at all. At a first crossing of beta_bar = 0 in N it would be in Q,
@@ -73,9 +73,9 @@ below the graph. After z_u = u it has y_g > 0, and gamma grows as long as beta_b
 arrival is a fixed point of R in D.
 
 *If R(z) = z below the graph*, beta_bar changes its sign in N. When it is first 0, v <= 0. The orbit
-is in the thin set of `passage`, so v < 0 and y_g < 0: it is in K, and beta_bar < 0 from then on.
-|z_u| and |z_s| there are bounded by growth and decay from either side of a moment t*. These bounds
-put the crossing into Q.
+is in the thin set of `saddle_passage`, so v < 0 and y_g < 0: it is in K, and beta_bar < 0 from then
+on. |z_u| and |z_s| there are bounded by growth and decay from either side of a moment t*. These
+bounds put the crossing into Q.
 
 So fixed points of P in Q and of R below the graph are the same orbits.
 
@@ -142,8 +142,7 @@ from tippedisk_verify.proofs.kernel.certificates.connection import (
     recorded_evidence,
     verify_connection,
 )
-from tippedisk_verify.proofs.kernel.certificates.passage import SaddlePassage, enclose_arrivals
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
@@ -152,6 +151,7 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     require_positive,
     wedge_product,
 )
+from tippedisk_verify.proofs.kernel.saddle_passage import SaddlePassage, enclose_arrivals
 
 __all__ = [
     "CLAIM_SHAPE",

@@ -102,7 +102,9 @@ from numpy.typing import NDArray
 
 from tippedisk_verify.proofs.kernel.ball_array import BallArray
 from tippedisk_verify.proofs.kernel.balls import Unproved, ball, require
-from tippedisk_verify.proofs.kernel.certificates.saddle import (
+from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
+from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
+from tippedisk_verify.proofs.kernel.saddle import (
     FAST,
     SLOW,
     UNSTABLE,
@@ -115,8 +117,6 @@ from tippedisk_verify.proofs.kernel.certificates.saddle import (
     require_positive,
     wedge_product,
 )
-from tippedisk_verify.proofs.kernel.poincare_map import BELOW_HALF_PI
-from tippedisk_verify.proofs.kernel.proved_flow import EnclosedField, EnclosedFlight
 from tippedisk_verify.proofs.kernel.step import Step, StepTrial
 
 __all__ = ["SaddlePassage", "enclose_arrivals"]
