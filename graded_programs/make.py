@@ -1,8 +1,8 @@
 """Graded sheets of our own runs: five SciPy methods, heyoka in double, and the C client.
 
-    python -m graded_programs.make                  # in a checkout with a C compiler; some minutes python
-    -m graded_programs.make heyoka-double    # this one only python -m graded_programs.make --table          # only
-    the table in README.md, after a file has been added
+    python -m graded_programs.make                  # all, in a checkout with a C compiler
+    python -m graded_programs.make heyoka-double    # one program
+    python -m graded_programs.make --table          # only the table in README.md
 
 SciPy and heyoka answer trajectories and librating cycles of the printed set from doubles; the
 client answers all questions. The grades by quantity are written as CSV, as `tippedisk-verify

@@ -212,8 +212,8 @@ def program_method(
 ) -> Iterator[Method]:
     """Start a program that integrates, and yield it as a method of the race.
 
-    It reads a line of JSON with the keys of `bench.user_methods.question` for each run. It writes one with
-    the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts.
+    It reads a line of JSON with the keys of `bench.user_methods.question` for each run. It writes
+    one with the ``states`` (n, 3) at the ``times``, and with ``seconds`` if its own clock counts.
 
     Raises InputError if the program cannot be started.
     """

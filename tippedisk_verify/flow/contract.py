@@ -211,8 +211,8 @@ class Request:
     """A description of an integration of the motion: disk, speed, start, duration and what to
     record.
 
-    ``omega``, ``state`` and ``duration`` are numbers or texts that `numbers.exact.exact` accepts, so
-    the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
+    ``omega``, ``state`` and ``duration`` are numbers or texts that `numbers.exact.exact` accepts,
+    so the same request can run in any precision. Angles are in rad, ``v`` and ``omega`` in rad/s,
     times in s. The run starts at time 0 and goes backward if ``duration`` is negative.
 
     Args:

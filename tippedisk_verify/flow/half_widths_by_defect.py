@@ -3,7 +3,8 @@
 Up to twelve digits a run stays as the integrator gives it. Its half-widths hold the error that its
 defect has caused. Beyond twelve digits that error is added to the numbers, and half-widths hold the
 remaining error. Both are derived in docs/error_of_a_run.md. Where an error is too large for this
-method, or decides whether an event is met, runs in wider arithmetic decide (`flow.half_widths_by_wider_run`).
+method, or decides whether an event is met, runs in wider arithmetic decide
+(`flow.half_widths_by_wider_run`).
 """
 
 from __future__ import annotations

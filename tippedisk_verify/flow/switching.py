@@ -9,8 +9,8 @@ switching never coincide. A request's own events of sliding reversal do coincide
 two events at the same time an integrator reports one and may lose the other, so the switch reports
 them.
 
-**Missed crossings.** A switch sets the side from the direction of the crossing; it does not flip the
-side. Two crossings may lie closer than events can resolve. If one of them is missed, the next
+**Missed crossings.** A switch sets the side from the direction of the crossing; it does not flip
+the side. Two crossings may lie closer than events can resolve. If one of them is missed, the next
 crossing reveals it. Then the run is repeated, and at each crossing the motion a moment later sets
 the side.
 """

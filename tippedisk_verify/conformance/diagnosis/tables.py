@@ -68,8 +68,8 @@ class Table(ComparedAnswers):
     level: int
     friction: str
     entries: tuple[str, ...]  #: ``set/friction/kind/entry``
-    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``, which the numbers
-    #: ``side`` and ``consistent`` stand for in equations
+    #: Parameters and inputs by symbol, and the words ``equilibrium`` and ``form``, which the
+    #: numbers ``side`` and ``consistent`` stand for in equations
     inputs: Mapping[str, Any]
     ids: list[str]
     names: Array  #: the quantity with its place, such as ``h_3`` or ``beta@0.5``

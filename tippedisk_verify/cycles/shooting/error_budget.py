@@ -149,8 +149,8 @@ def cycle_beyond_double(
     """Compute a limit cycle in an arithmetic beyond doubles, to ``digits`` significant digits.
 
     Slow convergence next to the Hopf point and the passages of the saddles cost digits. The first
-    arithmetic has ``extra_digits`` more digits. They are doubled until the digits are reached, in at most
-    `_MAX_WIDENINGS` attempts.
+    arithmetic has ``extra_digits`` more digits. They are doubled until the digits are reached, in
+    at most `_MAX_WIDENINGS` attempts.
 
     Args:
         fixed_point: The end of Newton's iteration in double.
