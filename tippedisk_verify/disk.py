@@ -299,10 +299,11 @@ class Disk(Parameters):
             max_steps=max_steps,
             half_widths=half_widths,
         )
-        with show_progress(progress=progress if motion.is_long else False) as advance:
+        if not motion.is_long:
+            return motion.solution(motion.engine(motion.request))
+        with show_progress(progress=progress) as advance:
             advance("motion", 0)
-            result = motion.engine(motion.request)
-        return motion.solution(result)
+            return motion.solution(motion.engine(motion.request))
 
     def rhs(self, omega: object) -> Callable[[object, Any], Array]:
         """Return the equations of motion as ``f(t, y)`` in doubles, for `solve_ivp` and the like.
