@@ -98,6 +98,7 @@ def test_the_error_of_another_speed_is_that_of_its_cycle(
     # Two digits: 2e-3 of the way to the other cycle is left, and the phase is 1.3e-3 of the period.
     assert score.error == pytest.approx(expected, rel=0.005)
     assert score.error_of == error
+    # The truth of a race in doubles has some 28 digits, of numbers up to some hundred.
     assert score.truth_uncertainty < 1e-25
 
 

@@ -118,6 +118,7 @@ def test_table_2_converges_quadratically(taylor) -> None:
     assert len(shot.residuals) <= 7
     assert shot.residuals[-1] < 32 * 2.0**-52  # some roundings of 1 to 2
     whole = shoot(ReturnMap(WHOLE_PERIOD, CALIBRATED, speed, taylor), (1.69, -1.72))
+    # Two ways to a period of some 1 s: a few thousand roundings
     assert (
         abs(whole.image.time - float(shoot_limit_cycle(CALIBRATED, speed, taylor).period)) < 1e-12
     )

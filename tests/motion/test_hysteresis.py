@@ -65,7 +65,7 @@ def test_exponent_and_prefactor_of_the_range_of_hysteresis(taylor: Taylor) -> No
         # after extrapolation is of fourth order: about the product of their errors, up to a factor
         # of order one to the fourth power.
         left = mpmath.fprod(abs(prefactor / limit - 1) for prefactor in prefactors) * 3**4
-        assert left < 1e-5
+        assert left < 1e-5  # so that the comparison shows five digits
         assert abs(limit / mpmath.mpf(_FOLD_SPEED_CURVATURE) - 1) < left
         exponents = [mpmath.log(far / near, _SHRINKING) for far, near in pairwise(ranges)]
         off = mpmath.fprod(abs(exponent - 2) for exponent in exponents) * 3**3
